@@ -25,7 +25,7 @@ class InputError(ValueError):
     def __str__(self) -> str:
         where = self.file if self.row is None else f"{self.file}, line {self.row}"
         end = "" if self.remedy.endswith("?") else "."
-        said = f"{where}: {self.cause.rstrip('.')}. {self.remedy.rstrip('.')}{end}"
+        said = f"{where}: {self.cause.rstrip('.')}. {self.remedy.removesuffix('.')}{end}"
         return "".join(c if c.isprintable() else "?" for c in said)  # it may quote a file: one line, whatever is in it
 
 

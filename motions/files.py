@@ -1,11 +1,16 @@
-"""Reading text, naming files, and writing a file whole or not at all."""
+"""Reading text, or by a library that may crash; naming files, and writing a file whole or not at all."""
 
+import io
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from urllib.parse import quote
 from uuid import uuid4
+
+import numpy as np
 
 from motions.errors import InputError
 
@@ -50,6 +55,24 @@ def unreadable(path: Path, error: OSError) -> InputError:
     """Make the error of a file that the system does not let one read."""
     cause = f"the file cannot be read ({error.strerror})"
     return InputError(str(path), None, cause, "Check its name, and that you may read it")
+
+
+def read_by_child(child: Path, path: Path, library: str, remedy: str, patience_s: float) -> dict[str, np.ndarray]:
+    """Read a file by the program ``child`` of this project, which writes a numpy archive to stdout.
+
+    Its arguments are the path, and seconds after which it ends by itself, as whoever waits for it may be killed.
+    InputError with the last line that it says where it fails, crashes, or does not end within ``patience_s``.
+    """
+    command = [sys.executable, str(child), str(path.absolute()), str(2.0 * patience_s)]
+    try:
+        ended = subprocess.run(command, capture_output=True, timeout=patience_s, check=False)
+        reason = ended.stderr.decode(errors="replace").strip().splitlines()[-1:] if ended.returncode == 1 else []
+        reason = reason or ["it crashes"]
+    except subprocess.TimeoutExpired:
+        ended, reason = None, ["it does not come to an end"]
+    if ended is None or ended.returncode:
+        raise InputError(str(path), None, f"{library} cannot read the file ({printable(reason[0])})", remedy)
+    return dict(np.load(io.BytesIO(ended.stdout)))
 
 
 def make_folder(folder: Path) -> None:

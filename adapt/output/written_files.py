@@ -76,7 +76,7 @@ def _unlisted(folder: Path) -> list[str]:
     try:
         command = json.loads((folder / RECORD).read_bytes())["command"]
         return [RECORD, *_UNLISTED[command], *(_unlisted_models(folder) if command == "adapt" else ())]
-    except (OSError, ValueError, LookupError, TypeError):
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return []
 
 

@@ -10,7 +10,14 @@ from jaxtyping import Float, Int
 from motions.checks.corner import REMEDY as CALL_IT_AA
 from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
-from motions.checks.signs import LARGE_MOTION_DEG, exchanged, likely_convention, wrong_signs
+from motions.checks.signs import (
+    BACKWARD,
+    LARGE_MOTION_DEG,
+    exchanged,
+    likely_convention,
+    runs_backward,
+    wrong_signs,
+)
 from motions.errors import InputError, warn_input
 from motions.rhythm import REST_DEG
 from motions.table import ANGLES, Motions
@@ -150,14 +157,17 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     """What is doubtful in the postures of one subject."""
     rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
     found, signs = [], wrong_signs(mine)
-    named = tuple(f"{one.angle}_deg" for one in signs)
+    exchange = exchanged(mine, signs)
+    of_exchange = () if exchange is None else exchange.columns
+    signs = [one for one in signs if one.angle not in of_exchange]
+    named = tuple(f"{angle}_deg" for angle in (*(one.angle for one in signs), *of_exchange))
     if unlike := [text for text in unlike_rest(rest, mine.landmarks_mm) if not text.startswith(named)]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
     if doubt := _of_size(mine):
         found.append(InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]))
-    if not signs and (pair := exchanged(mine)):
-        cause = f"{subject}: {pair[0]}_deg is as {pair[1]}_deg is in people, and the other way round"
-        found.append(InputError(file, None, cause, "Are the two columns exchanged (docs/frames.md)?"))
+    if exchange is not None:
+        remedy = f"Are the {'two' if len(exchange.columns) == 2 else 'three'} columns exchanged (docs/frames.md)?"
+        found.append(InputError(file, None, f"{subject}: {exchange.said}", remedy))
     positions = {name: place.T for name, place in mine.landmarks_mm.items()}
     if wrong := misfit(positions):
         found.append(InputError(file, None, f"{subject}: {wrong.cause}", wrong.remedy))
@@ -165,7 +175,8 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(InputError(file, None, f"{subject}: {corner}", CALL_IT_AA))
     if signs:
         cause = f"{subject}: {'; '.join(one.said for one in signs)}"
-        found.append(InputError(file, None, cause, likely_convention(signs)))
+        remedy = BACKWARD if runs_backward(mine) else likely_convention(signs)
+        found.append(InputError(file, None, cause, remedy))
     return found
 
 

@@ -9,8 +9,9 @@ Where L is below LEAST_LOG_ODDS the other sign is the likely one. A term without
 left out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import permutations
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -29,6 +30,11 @@ NEAR_DEG = 2.0
 LEAST_LOG_ODDS = -1.5
 """9 to 2 for the other sign. Measured and simulated motions have 0.1 and more; by the normal distributions below a
 sound angle gets below it in 1.5 % of people or less. Twice that where only one of both terms was measured."""
+
+
+SURE_LOG_ODDS = -6.0
+"""400 to 1. Above it tipping may have the sign that it has: cadavers whose girdle closes only with a scapula that is
+tipped by 4 +- 4 degrees backward (breteler_mri) cannot be told from people whose sign was turned round."""
 
 
 @dataclass(frozen=True)
@@ -89,10 +95,13 @@ _REST, _REST_SD, _COURSE, _COURSE_SD = np.array(
 
 
 EXCHANGED = 12.0
-"""Sum of squares, in SDs of people, by which two angles have to be likelier when exchanged: odds of 400 to 1."""
+"""Sum of squares, in SDs of people, by which angles have to be likelier when exchanged: odds of 400 to 1."""
+
+SIGN_COST = 4.0
+"""Sum of squares of a sign that has to be turned round beside: one mistake is likelier than two, assumed 7 to 1."""
 
 FARTHEST_SD = 2.5
-"""Exchanged, no term of the two is farther than this from people's."""
+"""Exchanged, no term of them is farther than this from people's."""
 
 
 @dataclass(frozen=True)
@@ -101,34 +110,75 @@ class WrongSign:
 
     angle: str
     said: str
+    log_odds: float
 
 
-def exchanged(motions: Motions) -> tuple[str, str] | None:
-    """Find two angles of one bone whose columns are likely exchanged, by what people have at rest and over a course."""
+@dataclass(frozen=True)
+class Exchanged:
+    """Angles of one bone whose columns are likely exchanged."""
+
+    columns: tuple[str, ...]
+    are: tuple[str, ...]
+    """The angles that they hold."""
+
+    @property
+    def said(self) -> str:
+        """Say which is which."""
+        if len(self.columns) == 2:
+            return f"{self.are[0]}_deg is as {self.are[1]}_deg is in people, and the other way round"
+        pairs = zip(self.columns, self.are, strict=True)
+        return f"in people {', '.join(f'{angle}_deg is as {column}_deg here' for column, angle in pairs)}"
+
+
+def exchanged(motions: Motions, signs: Sequence[WrongSign]) -> Exchanged | None:
+    """Find two or three angles of one bone whose columns are likely exchanged, by what people have at rest and over a
+    course. ``signs``: they have to be likelier than the columns as they are with these turned round."""
     rest, course = _rest_and_course(motions)
-    found: dict[tuple[str, str], float] = {}
-    for pair in (*combinations(range(3), 2), *combinations(range(3, 6), 2)):
-        mine, other = _squares(rest, course, pair), _squares(_turned(rest, pair), _turned(course, pair), pair)
-        known = np.isfinite(mine + other)
+    turned = np.where(np.isin(ANGLES, [one.angle for one in signs]), -1.0, 1.0)
+    mine = _squares(turned * rest, turned * course)
+    found: dict[tuple[int, ...], float] = {}
+    for order in _ORDERS:
+        moved = np.array(order) != np.arange(6)
+        other = _squares(rest[list(order)], course[list(order)])
+        known = np.isfinite(mine + other) & moved
         if known.any() and other[known].max() <= FARTHEST_SD**2:
-            found[ANGLES[pair[0]], ANGLES[pair[1]]] = float((mine - other)[known].sum())
+            found[order] = float((mine - other)[known].sum()) + SIGN_COST * float((turned[moved] < 0.0).sum())
     best = max(found, key=lambda one: found[one], default=None)
-    return best if best is not None and found[best] > EXCHANGED else None
+    if best is None or found[best] <= EXCHANGED:
+        return None
+    moved = [k for k in range(6) if best[k] != k]
+    return Exchanged(tuple(ANGLES[best[k]] for k in moved), tuple(ANGLES[k] for k in moved))
 
 
-def _squares(
-    rest: Float[np.ndarray, "6"], course: Float[np.ndarray, "6"], pair: tuple[int, int]
-) -> Float[np.ndarray, "4"]:
-    """Of two angles, how far they are from people's at rest and over a course, in SD, squared; NaN says nothing."""
+_ORDERS = tuple(
+    order
+    for three in list(permutations(range(3)))[1:]
+    for order in ((*three, 3, 4, 5), (0, 1, 2, *(3 + k for k in three)))
+)
+"""Of the columns, where those of one bone are exchanged."""
+
+
+def _squares(rest: Float[np.ndarray, "6"], course: Float[np.ndarray, "6"]) -> Float[np.ndarray, "2 6"]:
+    """How far angles are from people's at rest and over a course, in SD, squared; NaN says nothing."""
     of_rest = np.where(_REST == 0.0, np.nan, (rest - _REST) / _REST_SD)
     of_course = np.where(_COURSE == 0.0, np.nan, (course - _COURSE) / _COURSE_SD)
-    return np.concatenate([of_rest[list(pair)], of_course[list(pair)]]) ** 2
+    return np.stack([of_rest, of_course]) ** 2
 
 
-def _turned(values: Float[np.ndarray, "6"], pair: tuple[int, int]) -> Float[np.ndarray, "6"]:
-    turned = values.copy()
-    turned[list(pair)] = values[list(pair[::-1])]
-    return turned
+def runs_backward(motions: Motions) -> bool:
+    """Tell whether every angle goes the other way than in people while none has another sign at rest: the elevation is
+    then measured from overhead, or is another motion's."""
+    rest, course = _rest_and_course(motions)
+    known = np.isfinite(course) & (np.abs(_COURSE) > _COURSE_SD)
+    at_rest = np.isfinite(rest) & (_REST != 0.0)
+    backward = known.sum() >= _FEWEST_BACKWARD and (course * _COURSE < 0.0)[known].all()
+    return bool(backward and (rest * _REST > 0.0)[at_rest].all())
+
+
+BACKWARD = "All angles go the other way: is humerus_elevation_deg measured from overhead? It is 0 with the arm hanging"
+
+_FEWEST_BACKWARD = 3
+"""Courses: two go the other way with ISB's beta too."""
 
 
 def wrong_signs(motions: Motions) -> list[WrongSign]:
@@ -138,7 +188,9 @@ def wrong_signs(motions: Motions) -> list[WrongSign]:
     half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
     log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
     wrong = np.flatnonzero(log_odds < LEAST_LOG_ODDS * np.where(half, 2.0, 1.0))
-    return [WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k])) for k in wrong]
+    return [
+        WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k]), float(log_odds[k])) for k in wrong
+    ]
 
 
 def _rest_and_course(motions: Motions) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
@@ -215,4 +267,5 @@ def likely_convention(found: list[WrongSign]) -> str:
         return f"It looks like ISB's beta: z = -beta; {turn}"
     if isb:
         return f"z looks like ISB's beta (z = -beta); {turn}"
-    return turn[0].upper() + turn[1:]
+    weak = angles == ["scapula_x"] and found[0].log_odds > SURE_LOG_ODDS
+    return turn[0].upper() + turn[1:] + (". A scapula that hardly tips looks alike" if weak else "")

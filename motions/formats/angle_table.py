@@ -171,13 +171,18 @@ def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarr
     """InputError where the values show that they are in another unit than the header says, or in both.
 
     Protraction of clavicle and scapula goes beyond 30 degrees in every published motion
-    (``motions.motion_csv.unit_and_side``), that of the scapula relative to the clavicle need not.
+    (``motions.motion_csv.unit_and_side``), that of the scapula relative to the clavicle need not. Of both together one
+    row says it.
     """
     said = table.header.get("indegrees", "").lower()
     in_file = columns if said == "yes" else {name: np.deg2rad(column) for name, column in columns.items()}
     largest = {name: float(np.nanmax(np.abs(column), initial=0.0)) for name, column in in_file.items()}
     wide = _WIDE[: 2 if mapping.scapula_relative_to == "clavicle" else 4]
-    radians = [name for name, column in in_file.items() if name in (*wide, ELEVATION) and _in_radians(name, column)]
+    known = [name for name in wide if np.isfinite(columns.get(name, np.nan)).any()]
+    least = 1 if len(known) > 1 and all(largest[name] <= np.pi for name in known) else LEAST_VALUES
+    radians = [
+        name for name, column in in_file.items() if name in (*wide, ELEVATION) and _in_radians(name, column, least)
+    ]
     degrees = [name for name, value in largest.items() if value > np.pi]
     most = max(degrees, key=lambda name: largest[name], default="")
     if radians and degrees:
@@ -196,10 +201,10 @@ def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarr
         raise InputError(table.file, table.unit_line, cause, "Write inDegrees=no if all angles are in radians")
 
 
-def _in_radians(name: str, column: Float[np.ndarray, " rows"]) -> bool:
+def _in_radians(name: str, column: Float[np.ndarray, " rows"], least: int) -> bool:
     """Tell whether an angle that goes beyond 30 degrees stays below pi; an elevation only where the arm moves."""
     known = column[np.isfinite(column)]
-    if len(known) < LEAST_VALUES or np.abs(known).max() > np.pi:
+    if len(known) < least or np.abs(known).max() > np.pi:
         return False
     return name != ELEVATION or float(np.ptp(known)) > _LEAST_SPAN
 

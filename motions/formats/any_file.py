@@ -89,6 +89,8 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
         _check_columns(path)
         _check_unused(labels, path, "subjects, motions and postures")
         return read_motions(path)
+    if not path.exists():
+        raise InputError(str(path), None, "there is no such file or folder", "Check its name")
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(
         str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv, .tsv, .txt and a Spartacus checkout"

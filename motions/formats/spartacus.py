@@ -14,6 +14,7 @@ to be wrong in the collection is met so:
   its file, not by its column. (Matsuki's thorax is the imaging frame, its scapula goes through the glenoid: left out.)
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +36,23 @@ from motions.table import Motions
 _STUDIES = Path("spartacus", "dataset", "dataset_of_datasets.csv")
 _JOINTS = Path("spartacus", "dataset", "dataset_clean_of_joint_data.csv")
 _DATA = Path("spartacus", "data")
+
+_COLUMNS_OF_STUDY = (
+    *("dataset_id", "dataset_authors", "dataset_year"),
+    *("thorax_y_direction", "scapula_z_direction", "side_as_right"),
+)
+_ANGLES_OF = ("dof_1st_euler", "dof_2nd_euler", "dof_3rd_euler")
+_COLUMNS_OF_JOINT = (
+    "dataset_id",
+    "humeral_motion",
+    "joint",
+    "euler_sequence",
+    "shoulder_id",
+    "side",
+    "folder",
+    *_ANGLES_OF,
+)
+"""Columns that are read."""
 
 _SEQUENCE = "yx'z''"
 _THORAX_Y = "vec((T8+PX)/2>(C7+IJ)/2)"
@@ -97,10 +115,10 @@ def read_spartacus(folder: Path, labels: Labels) -> Motions:
     Scapulae through AA need `labels.aa_to_ac`. What cannot be used is named in `rejected`. InputError if nothing can.
     """
     joints: dict[str, list[Row]] = {}
-    for row in read_table(folder / _JOINTS).rows:
+    for row in read_table(folder / _JOINTS, _has(_COLUMNS_OF_JOINT)).rows:
         joints.setdefault(row.cells["dataset_id"].strip(), []).append(row)
     parts, rejected = [], []
-    for study in read_table(folder / _STUDIES).rows:
+    for study in read_table(folder / _STUDIES, _has(_COLUMNS_OF_STUDY)).rows:
         rows = joints.get(study.cells["dataset_id"].strip(), [])
         try:
             through = _scapula_landmark(study, rows)
@@ -122,6 +140,17 @@ def read_spartacus(folder: Path, labels: Labels) -> Motions:
         )
     joined = Motions.concatenate(parts)
     return Motions(**{**vars(joined), "rejected": tuple(rejected)})
+
+
+def _has(names: Sequence[str]) -> Callable[[list[str], str, int], None]:
+    """A check that a table has these columns, once each."""
+
+    def check(columns: list[str], file: str, line: int) -> None:
+        wrong = [name for name in names if columns.count(name) != 1]
+        if wrong:
+            raise InputError(file, line, f"there is not one column {' and one '.join(wrong)}", "Check it out again")
+
+    return check
 
 
 def _left_out(study: Row, why: str, remedy: str) -> InputError:
@@ -146,7 +175,8 @@ def _scapula_landmark(study: Row, rows: list[Row]) -> str:
 
 def _shoulder(folder: Path, study: Row, rows: list[Row], through: str, labels: Labels) -> Motions:
     """All motions of one shoulder in which both bones were measured."""
-    name = study.cells["dataset_authors"].split()[0].lower() + study.cells["dataset_year"].strip()
+    first = study.cells["dataset_authors"].split()[:1] or ["unknown"]
+    name = first[0].lower() + study.cells["dataset_year"].strip()
     number = rows[0].cells["shoulder_id"].strip()
     subject = f"{name}_{number.removesuffix('.0') or 'mean'}"
     side = rows[0].cells["side"].strip()
@@ -175,7 +205,7 @@ def _files(folder: Path, rows: list[Row]) -> dict[str, _Curve]:
             continue
         data = folder / _DATA / row.cells["folder"].strip()
         signs = _corrections(data)
-        for column in ("dof_1st_euler", "dof_2nd_euler", "dof_3rd_euler"):
+        for column in _ANGLES_OF:
             name = row.cells[column].strip()
             angle = next((angle for angle, start in _FILES.items() if name.lower().startswith(start.lower())), None)
             if angle is None:
@@ -201,6 +231,8 @@ def _curve(path: Path, sign: float) -> _Curve:
         raise InputError(str(path), None, "the file has not two columns", "Check it out again")
     table = numbers(np.array(rows), range(1, len(rows) + 1), str(path))
     table = table[np.isfinite(table).all(axis=1)]
+    if not len(table):
+        raise InputError(str(path), None, "no row of the file has both numbers", "Check it out again")
     return _Curve(table[:, 0], sign * table[:, 1])
 
 

@@ -14,7 +14,7 @@ from motions.files import read_bytes, refuse_binary
 from motions.motion_csv.cells import NOT_MEASURED, to_number
 from motions.motion_csv.rows import cells_of_lines
 
-SEPARATORS = ("\t", ";", ",")
+SEPARATORS = ("\t", ";", "|", ",")
 """Between the cells of a line; a comma may be a decimal one beside the others."""
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -69,7 +69,7 @@ def separator_of(line: str) -> str | None:
     """
     outside = re.sub(r'"[^"]*"', "", line)
     count = {separator: outside.count(separator) for separator in SEPARATORS}
-    surest = max("\t;", key=lambda separator: count[separator])
+    surest = max("\t;|", key=lambda separator: count[separator])
     if count[surest] and count[","] <= count[surest] + 1:
         return surest
     return max(count, key=lambda separator: count[separator]) if any(count.values()) else None
@@ -99,7 +99,7 @@ def is_number(cell: str) -> bool:
 
 
 def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarray, "rows columns"]:
-    """Read the cells as numbers, NaN where one is empty or says nan. InputError at the first that is none.
+    """Read the cells as numbers, NaN where one is empty or says so. InputError at the first that is none.
 
     rows: the line of the file in which each row of the cells stands.
     """
@@ -110,7 +110,7 @@ def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarr
             try:
                 table[place, column] = np.nan if text.lower() in NOT_MEASURED else to_number(text)
             except ValueError:
-                remedy = "Write numbers with a decimal point; a gap is an empty cell or nan"
+                remedy = "Write numbers with a decimal point, nothing between thousands; a gap is an empty cell or nan"
                 raise InputError(file, rows[place], f"{text!r} is not a number", remedy) from None
             if np.isinf(table[place, column]):
                 raise InputError(file, rows[place], f"{text!r} is infinite", "Empty the cell of what was not measured")

@@ -8,8 +8,16 @@ from motions.motion_csv.rows import Row
 
 Side = Literal["left", "right"]
 
-NOT_MEASURED = ("", "nan")
-"""What a cell says, in any case of its letters, of what was not measured."""
+NOT_MEASURED = frozenset(
+    [
+        *("", "nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "na", "n/a", "#n/a", "#nv", "<na>"),
+        *("null", "none", "-", "--", "---"),
+    ]
+)
+"""What a cell says, in any case of its letters, of what was not measured: nothing, or a word of a program for it."""
+
+_MINUS = "\u2212"
+"""A spreadsheet writes it in some languages."""
 
 SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
 """The shoulder by the words that a file may use for it."""
@@ -47,7 +55,7 @@ def whole_number_in(row: Row, column: str) -> int:
 
 
 def measured_in(row: Row, column: str) -> float:
-    """Read the finite number in a cell; NaN (not measured) if the cell is empty or says nan."""
+    """Read the finite number in a cell; NaN (not measured) if the cell is empty or says so (NOT_MEASURED)."""
     text = row.cells[column]
     try:
         value = to_number(text)
@@ -66,8 +74,9 @@ def measured_in(row: Row, column: str) -> float:
 def to_number(text: str) -> float:
     """Convert as ``float()`` does, but for what no file of numbers means: 1_000 and the digits of other scripts.
 
-    ValueError if it is no number.
+    A typographic minus is one. ValueError if it is no number.
     """
+    text = text.replace(_MINUS, "-")
     if "_" in text or not text.isascii():
         raise ValueError
     return float(text)

@@ -18,6 +18,9 @@ _CONVERTED = (".c3d", ".trc", ".mot", ".sto")
 _SAYS_SEPARATOR = "sep="
 """How the first line begins by which a spreadsheet says what separates the cells."""
 
+_NEAR = 0.93
+"""Likeness (``difflib``) of a name that may be meant: a letter is wrong, not the unit left out."""
+
 _MOST_NAMED = 20
 """Columns in a message."""
 
@@ -133,8 +136,8 @@ def _check_header(columns: list[str], file: str, line: int) -> None:
         return InputError(file, line, cause, remedy)
 
     missing = [name for name in REQUIRED if name not in columns]
-    for separator, word in ((";", "semicolons"), ("\t", "tabs")):
-        if missing and any(separator in name for name in columns):
+    for separator, word in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars"), (" ", "blanks")):
+        if any(separator in name and sum(one in name for one in missing) > 1 for name in columns):
             raise error(f"the cells are separated by {word}, not by commas", _SAVE_AS)
     if missing:
         raise error(*_missing(missing, columns))
@@ -153,8 +156,12 @@ def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
     """Cause and remedy: near names that are there, and of angles that a cell may be empty."""
     several = len(missing) > 1
     cause = f"columns {', '.join(missing)} are missing" if several else f"column {missing[0]} is missing"
-    by_lower = {name.lower(): name for name in columns if name not in KNOWN}
-    near = [by_lower[one] for name in missing for one in difflib.get_close_matches(name, by_lower, n=1, cutoff=0.9)]
+    by_letters = {_letters(name): name for name in columns if name not in KNOWN}
+    near = [
+        by_letters[one]
+        for name in missing
+        for one in difflib.get_close_matches(_letters(name), by_letters, n=1, cutoff=_NEAR)
+    ]
     if near:
         return cause, f"Rename {', '.join(dict.fromkeys(near))}"
     if not set(ANGLE_COLUMNS) & set(columns) and any(name.endswith(("_x_mm", "_x_cm", "_x_m")) for name in columns):
@@ -164,6 +171,11 @@ def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
     add = f"Add {'them' if several else 'it'} to the header"
     add += f", or rename {'theirs' if several else 'its own'} among {listed(others, _MOST_NAMED)}" if others else ""
     return cause, f"{add}; leave the cells of an angle empty where it was not measured" if angle else add
+
+
+def _letters(name: str) -> str:
+    """A name without case, blanks and other signs."""
+    return "".join(c for c in name.lower() if c.isalnum())
 
 
 def _check_names(columns: list[str], file: str, line: int) -> None:

@@ -40,10 +40,14 @@ class Finding(NamedTuple):
 
 
 def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
-    """Find angles in radians: every measured one is at most pi, although scapular protraction is 20-60 degrees."""
+    """Find angles in radians: every measured one is at most pi, although scapular protraction is 20-60 degrees.
+
+    One posture does where the clavicle's protraction was measured too, which is as large.
+    """
     angles = np.stack([posture.angles_deg for posture in postures])
-    protraction_measured = not np.isnan(angles[:, ANGLES.index("scapula_y")]).all()
-    if len(postures) < LEAST_VALUES or not protraction_measured or np.nanmax(np.abs(angles)) > np.pi:
+    protraction = np.isfinite(angles[:, [ANGLES.index("clavicle_y"), ANGLES.index("scapula_y")]])
+    enough = protraction.all(axis=1).any() or (len(postures) >= LEAST_VALUES and protraction[:, 1].any())
+    if not enough or np.nanmax(np.abs(angles)) > np.pi:
         return None
     cause = "no angle exceeds 3.14, so the angles look like radians"
     return Finding(cause, "Give clavicle and scapula angles in degrees")

@@ -15,6 +15,7 @@ from numpy.random import PCG64, Generator
 from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
+from adapt.cli.commands.known_effects import effects_of
 from adapt.output.adapted_models import write_adapted_models
 from adapt.tables.results import DIFFERENCES
 from models import load_model, model_names
@@ -22,13 +23,14 @@ from models.adapted_parameters import ADAPTED
 from models.export.opensim import opensim_model
 from models.girdle import bone_rotations, chain_landmarks
 from models.parameter_sets import FOLDER
-from motions import read_motions, write_motions
+from motions import InputError, read_motions, write_motions
 from motions.files import file_names
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, spread_column
 from motions.rhythm import REST_DEG
 from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
 from motions.table import ANGLES, Motions
+from scripts.valid_files import FITS
 
 EXACT = 1e-9
 NOISE_MM = 1.0
@@ -394,3 +396,31 @@ def test_file_names_are_safe_and_all_different():
     assert len({name.casefold() for name in found}) == len(names)
     assert all(0 < len(name) < 130 and not set(name) & set('/\\:*?"<>|\0') for name in found)
     assert not any(name.startswith(".") or name.endswith((" ", ".")) for name in found)
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        (("status", "word"), "line 1: columns status are missing"),
+        (("posture", "nr"), "line 1: columns posture are missing"),
+        (("abduction,1,", "abduction,one,"), "line 2: 'one' is not a number"),
+        (("abduction,1,", "abduction,,"), "line 2: a number of the posture is missing"),
+        ((",ok", ",unreachable"), "no posture was fitted"),
+    ],
+)
+def test_a_table_of_fits_that_was_changed_ends_in_a_message(tmp_path, change, cause):
+    """Found by fuzzing."""
+    source = tmp_path / "fits.csv"
+    source.write_bytes(FITS)
+    assert girdle("convert", source, tmp_path / "whole.csv").status == 0
+    source.write_text(FITS.decode().replace(*change))
+    ended = girdle("convert", source, tmp_path / "out.csv")
+    assert (ended.status, len(ended.messages)) == (2, 1)
+    assert cause in ended.err
+
+
+def test_a_diagnosis_nested_too_deep_ends_in_a_message(tmp_path):
+    """Found by fuzzing."""
+    (tmp_path / "diagnosis.json").write_text("[" * 5000)
+    with pytest.raises(InputError, match=r"not a diagnosis\.json"):
+        effects_of(tmp_path)

@@ -19,7 +19,7 @@ EXACT = 1e-9
 ELEVATIONS = np.linspace(5.0, 125.0, 9)
 LABELS = Labels("P01", "abduction")
 KINDS = {"vicon": vicon, "motive": motive, "qualisys": qualisys, "landmarks": landmarks}
-SEPARATORS = [(",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ",")]
+SEPARATORS = [(",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ","), ("|", ".")]
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +185,10 @@ def test_what_a_table_lacks_is_said(lab, tmp_path):
         "{name}_mm_{axis}",
         "{name}{AXIS}_mm",
         "{AXIS}_{name} (mm)",
+        "{name} {axis} in mm",
+        "{name}[{AXIS}] mm",
+        "{name}/{axis} [mm]",
+        "{axis}({name}) in mm",
     ],
 )
 def test_how_columns_of_landmarks_may_be_called(trial, lab, tmp_path, column):
@@ -209,9 +213,46 @@ def test_a_csv_of_something_else_is_named(tmp_path):
     refused(written(tmp_path, "0.5,2,-3e1\n1,2,3\n"), "no header: the first line has numbers and no names", "IJ_x_mm")
 
 
-@pytest.mark.parametrize("above", ["sep=;\n", "# my export\n", "Subject P01;;\n\n"])
+@pytest.mark.parametrize("above", ["sep=;\n", "# my export\n", "# exported by X\n", "Subject P01;;\n\n"])
 def test_what_may_stand_over_the_header(trial, lab, tmp_path, above):
     assert_same(written(tmp_path, above + text(landmarks(lab), ";", ",")), trial)
+
+
+@pytest.mark.parametrize("gap", ["n/a", "#N/A", "NULL", "None", "-", "--", "-nan(ind)", "1.#QNAN", "<NA>"])
+def test_words_of_programs_for_what_was_not_seen(trial, lab, tmp_path, gap):
+    header, *rows = landmarks(lab)
+    place = header.index("TS_x_mm")
+    rows[4][place : place + 3] = [gap] * 3
+    with pytest.warns(InputWarning, match="They have gaps in TS"):
+        motions = read_any(written(tmp_path, text([header, *rows])), Mapping(), LABELS)
+    assert motions.posture.tolist() == [1, 2, 3, 4, 6, 7, 8, 9]
+    left = np.delete(np.arange(9), 4)
+    np.testing.assert_allclose(motions.angles_deg[:, 3:], trial.angles_deg[left, 3:], rtol=0.0, atol=EXACT)
+
+
+def test_signs_of_numbers_that_a_spreadsheet_writes(trial, lab, tmp_path):
+    """A typographic minus is one; a sign between thousands is not read, and not taken for a decimal one."""
+    header, *rows = landmarks(lab)
+    with_minus = [[cell.replace("-", "\u2212") if "e" not in cell else cell for cell in row] for row in rows]
+    assert_same(written(tmp_path, text([header, *with_minus])), trial)
+    with_thousands = [[f'"{float(cell):,.3f}"' for cell in row] for row in rows]
+    refused(written(tmp_path, text([header, *with_thousands])), r"'-?1,\d+.\d+' is not a number", "between thousands")
+
+
+@pytest.mark.parametrize(
+    ("first", "ending"), [("PathFileType\t4", ".trc"), ("states\ninDegrees=yes\nendheader", ".mot")]
+)
+@pytest.mark.parametrize("name", ["trial.csv", "trial.txt"])
+def test_a_file_of_another_kind_under_the_ending_of_a_table(tmp_path, first, ending, name):
+    refused(written(tmp_path, f"{first}\n1\t2\n", name), rf"this is a \{ending}", f"end in {ending}")
+
+
+def test_a_frame_of_qtm_in_which_nothing_was_seen_keeps_its_number(trial, lab, tmp_path):
+    rows = qualisys(lab, with_time=False)
+    rows[-4] = [""] * len(rows[-4])
+    with pytest.warns(InputWarning, match="1 of 9 postures are left out"):
+        motions = read_any(written(tmp_path, text(rows, "\t"), "trial.tsv"), Mapping(), LABELS)
+    assert motions.posture.tolist() == [1, 2, 3, 4, 5, 7, 8, 9]
 
 
 def test_cells_between_blanks(trial, lab, tmp_path):

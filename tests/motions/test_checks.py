@@ -247,6 +247,15 @@ def test_a_sign_turned_round_is_named_alone(angle):
     assert not warned(course())
 
 
+def test_of_a_scapula_that_hardly_tips_no_more_is_said_than_is_known():
+    angles = course().angles_deg.copy()
+    angles[:, ANGLES.index("scapula_x")] = 4.0
+    (said,) = warned(replace(course(), angles_deg=angles))
+    assert said.endswith("check which angle it is. A scapula that hardly tips looks alike.")
+    (said,) = warned(course(scapula_x=-1.0))
+    assert "looks alike" not in said
+
+
 def test_isb_is_recognised_and_a_small_motion_says_nothing():
     (said,) = warned(course(clavicle_z=-1.0, scapula_z=-1.0))
     assert "falls by 21 degrees over 60 degrees of elevation" in said
@@ -266,6 +275,33 @@ def test_two_angles_whose_columns_are_exchanged_are_named(a, b):
     if a == "scapula_y":
         (said,) = warned(replace(course(), angles_deg=turned))
         assert "scapula_y_deg is as scapula_z_deg is in people, and the other way round. Are the two columns" in said
+
+
+@pytest.mark.parametrize("order", [(1, 2, 0), (2, 0, 1)])
+def test_three_columns_in_the_order_of_another_sequence_are_named(order):
+    """X, Y, Z written under the names of Y, Z, X: no sign is to be turned."""
+    turned = course().angles_deg.copy()
+    turned[:, 3:] = turned[:, [3 + k for k in order]]
+    (said,) = warned(replace(course(), angles_deg=turned))
+    for k, place in enumerate(order):
+        assert f"{ANGLES[3 + place]}_deg is as {ANGLES[3 + k]}_deg here" in said
+    assert "Are the three columns exchanged" in said
+
+
+def test_exchanged_columns_of_the_clavicle_are_no_two_wrong_signs():
+    turned = course().angles_deg.copy()
+    turned[:, :2] = turned[:, 1::-1]
+    (said,) = warned(replace(course(), angles_deg=turned))
+    assert "clavicle_y_deg is as clavicle_z_deg is in people, and the other way round" in said
+
+
+@pytest.mark.parametrize("overhead", [130.0, 180.0])
+def test_an_elevation_from_overhead_is_no_wrong_sign(overhead):
+    backward = replace(course(), humerus_elevation_deg=overhead - ELEVATION)
+    (said,) = warned(backward)
+    assert "All angles go the other way: is humerus_elevation_deg measured from overhead?" in said
+    assert "ISB" not in said
+    assert "turn the sign" not in said.lower()
 
 
 def test_an_angle_that_is_zero_or_in_radians_throughout_is_named():

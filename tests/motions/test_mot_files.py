@@ -118,6 +118,13 @@ def test_the_unit_of_angles_is_checked_by_their_values(tmp_path):
     np.testing.assert_allclose(read_any(path, Mapping(), LABELS).angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
 
 
+def test_one_row_in_radians_is_enough_where_both_bones_are_there(tmp_path):
+    _, path = angles_as(tmp_path, ["humerus_elevation", *ANGLES], "yes", np.pi / 180.0)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:5], ""]))
+    assert refused(path, "clavicle_y never exceeds 0.*: radians", "inDegrees=no").row == 2
+
+
 def test_angles_in_two_units_are_named_both(tmp_path):
     """Neither word of inDegrees would be right."""
     trial = simulated_trial(ELEVATIONS)

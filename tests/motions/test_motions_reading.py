@@ -46,6 +46,30 @@ def refusal(folder: Path, text: str | bytes) -> InputError:
     return caught.value
 
 
+@pytest.mark.parametrize("gap", ["", " ", "NaN", "n/a", "#N/A", "-", "null"])
+def test_a_word_for_what_was_not_measured_is_an_empty_cell(tmp_path, gap):
+    motions = read_motions(written(tmp_path, table(f"P1,abduction,1,10,-30,12,{gap},32,11,-10")))
+    np.testing.assert_array_equal(motions.angles_deg, [[-30.0, 12.0, np.nan, 32.0, 11.0, -10.0]])
+
+
+@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs"), ("|", "bars"), (" ", "blanks")])
+def test_another_separator_is_named(tmp_path, separator, word):
+    error = refusal(tmp_path, table(ROW).replace(",", separator))
+    assert f"the cells are separated by {word}, not by commas" in error.cause
+
+
+def test_names_of_columns_with_blanks_are_found_again(tmp_path):
+    error = refusal(tmp_path, table(ROW, header=HEADER.replace("_", " ")))
+    assert error.remedy.startswith(
+        "Rename humerus elevation deg, clavicle y deg, clavicle z deg, clavicle x deg, scapula"
+    )
+
+
+def test_one_posture_in_radians_is_enough(tmp_path):
+    error = refusal(tmp_path, table("P1,abduction,1,10,-0.5236,0.2094,0.1222,0.5585,0.192,-0.1745"))
+    assert "no angle exceeds 3.14" in error.cause
+
+
 def test_one_row_becomes_typed_arrays(tmp_path):
     motions = read_motions(written(tmp_path, table(ROW)))
     assert motions.subjects == ("P1",)

@@ -174,3 +174,25 @@ def test_a_file_that_is_not_there(tmp_path):
     folder = checkout(tmp_path, [study(11, authors)], joints(11, authors))
     with pytest.raises(InputError, match="cannot be read"):
         read_spartacus(folder, LABELS)
+
+
+@pytest.mark.parametrize("table", ["dataset_of_datasets", "dataset_clean_of_joint_data"])
+def test_a_column_that_is_missing_is_named(tmp_path, table):
+    """Found by fuzzing."""
+    authors = "Ludewig et al."
+    data(tmp_path, 11, authors)
+    folder = checkout(tmp_path, [study(11, authors)], joints(11, authors))
+    path = folder / "spartacus" / "dataset" / f"{table}.csv"
+    path.write_text(path.read_text().replace("dataset_id", "number", 1))
+    with pytest.raises(InputError, match="line 1: there is not one column dataset_id"):
+        read_spartacus(folder, LABELS)
+
+
+def test_a_curve_without_a_whole_row_is_named(tmp_path):
+    """Found by fuzzing."""
+    authors = "Ludewig et al."
+    where = data(tmp_path, 11, authors)
+    folder = checkout(tmp_path, [study(11, authors)], joints(11, authors))
+    (where / "SC_elevation.csv").write_text("20,nan\n40,\n")
+    with pytest.raises(InputError, match="no row of the file has both numbers"):
+        read_spartacus(folder, LABELS)

@@ -58,7 +58,11 @@ def test_points_are_spread_evenly_over_the_area():
         ("a.ply", b"plo", "no PLY file"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 999999\n", "states 999999 points or faces"),
         ("a.vtp", b"<xml/>", "no VTP file"),
-        ("a.vtp", b'<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="3"', "cannot be read|no whole surface"),
+        (
+            "a.vtp",
+            b'<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="3"',
+            "cannot read the file|no whole surface",
+        ),
         ("a.obj", b"v 0 0 0", "surfaces that end in '.obj' are not read"),
     ],
 )

@@ -59,7 +59,7 @@ def effects_of(folder: Path | None) -> list[str]:
     try:
         found = json.loads(read_text(path, _GIVE_A_DIAGNOSIS))["options"]
         named = [str(option) for option in found]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(str(path), None, "this is not a diagnosis.json", _GIVE_A_DIAGNOSIS) from error

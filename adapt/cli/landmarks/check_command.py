@@ -17,7 +17,7 @@ from adapt.tables.landmark_tables import distances_table, motions_table, thorax_
 from motions import InputError
 from motions.checks.trial import NEEDED, slipped, sound_landmarks
 from motions.formats.landmark_sets import LandmarkSet, read_landmark_sets
-from motions.landmarks.mapping import MIDDLES, read_mapping
+from motions.landmarks.mapping import MIDDLES, Mapping, read_mapping
 
 _MOST_PRINTED = 60
 """Rows of a table on the terminal."""
@@ -49,7 +49,7 @@ def check(
     mapping = read_mapping(names)
     sets = read_landmark_sets(landmarks, mapping)
     thorax = None if mapping.R_lab_global is None else thorax_of_landmarks(sets, mapping.R_lab_global)
-    tables = _of_one(sets) if other is None else _of_two(sets, landmarks, read_landmark_sets(other, mapping), other)
+    tables = _of_one(sets) if other is None else differences_of_two(landmarks, other, mapping)
     with results_folder(out) as folder, transaction(folder) as part:
         for name, table in zip(("distances", "rigid_motions"), tables, strict=True):
             write_table(table, part / f"{name}.csv")
@@ -57,7 +57,7 @@ def check(
             write_table(thorax, part / "thorax.csv")
         write_run(part, "check", inputs_record([path for path in (landmarks, other) if path], []), {})
     _print_tables(console, *tables, thorax)
-    wrong = [] if other is not None else [error for own in sets for error in _unsound(own, str(landmarks))]
+    wrong = [] if other is not None else [error for own in sets for error in unsound(own, str(landmarks))]
     for error in wrong:
         errors.print(f"wrong: {error}", soft_wrap=True)
     if wrong:
@@ -68,9 +68,9 @@ def _of_one(sets: list[LandmarkSet]) -> tuple[pd.DataFrame, pd.DataFrame]:
     return distances_table(sets), motions_table(sets)
 
 
-def _of_two(
-    first: list[LandmarkSet], file: Path, second: list[LandmarkSet], other: Path
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def differences_of_two(file: Path, other: Path, mapping: Mapping) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Compare two files of one posture each (``two_tables``). InputError where they cannot be compared."""
+    first, second = read_landmark_sets(file, mapping), read_landmark_sets(other, mapping)
     for path, sets in ((file, first), (other, second)):
         if len(sets) > 1:
             cause = f"it has {len(sets)} subjects, and two measurements are of one"
@@ -85,8 +85,8 @@ def _of_two(
         raise InputError(str(other), None, str(error), f"Name its points as in {file}; at most 16 a bone") from error
 
 
-def _unsound(own: LandmarkSet, file: str) -> list[InputError]:
-    """What makes these landmarks no person's, or slip; nothing of points that are not the landmarks of a shoulder."""
+def unsound(own: LandmarkSet, file: str) -> list[InputError]:
+    """Find what makes these landmarks no person's, or slips; nothing of points that are not a shoulder's landmarks."""
     needed = [name for name in NEEDED if name not in MIDDLES]
     if not set(needed) <= set(own.points_mm):
         return []

@@ -19,13 +19,18 @@ from motions.formats.angle_table import SCAPULA_THROUGH, split, table_from_motio
 from motions.formats.any_file import read_any
 from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import write_mot
+from motions.formats.text import numbers
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
+from motions.motion_csv.cells import LARGEST_POSTURE
 from motions.motion_csv.rows import read_table
 from motions.motion_csv.writing import write_motions
 from motions.table import ANGLES, Motions
 
 _TEXT_COLUMNS = ("model", "subject", "motion", "status")
+_NUMBERS_OF_FITS = ("adapted", "posture", "humerus_elevation_deg", *(f"{angle}_simulated_deg" for angle in ANGLES))
+
+_AS_WRITTEN = "Give fits.csv as girdle fit or girdle adapt has written it"
 
 
 def convert(
@@ -127,21 +132,30 @@ def simulated_motions(fits: Path) -> Motions:
     """Read the simulated angles of a ``fits.csv``, of the postures whose fit is ``ok``.
 
     They are those after adaptation where the file has them. The subjects are called MODEL_SUBJECT. InputError if there
-    is no such posture.
+    is no such posture, or if the file is not as it was written.
     """
-    table = _table(fits)
-    table = table[(table["adapted"] == table["adapted"].max()) & (table["status"] == status.OK)]
-    if table.empty:
-        raise InputError(str(fits), None, "no posture was fitted", "Look at the column status")
-    said = "simulated by the adapted model" if table["adapted"].max() else "simulated by the model as it is"
+    table, file = read_table(fits), str(fits)
+    if missing := [name for name in (*_TEXT_COLUMNS, *_NUMBERS_OF_FITS) if name not in table.columns]:
+        raise InputError(file, 1, f"columns {', '.join(missing)} are missing", _AS_WRITTEN)
+    rows = [row for row in table.rows if row.cells["status"] == status.OK]
+    cells = np.array([[row.cells[name] for name in _NUMBERS_OF_FITS] for row in rows], dtype=object)
+    values = numbers(cells.reshape(len(rows), len(_NUMBERS_OF_FITS)), [row.line for row in rows], file)
+    if not rows:
+        raise InputError(file, None, "no posture was fitted", "Look at the column status")
+    adapted, posture = values[:, 0], values[:, 1]
+    whole = np.isfinite(np.delete(values, 2, axis=1)).all(axis=1) & (np.abs(posture) < LARGEST_POSTURE)
+    if not whole.all():  # an elevation need not be known
+        raise InputError(file, rows[int(np.argmin(whole))].line, "a number of the posture is missing", _AS_WRITTEN)
+    kept = np.flatnonzero(adapted == adapted.max())
+    said = "simulated by the adapted model" if adapted.max() else "simulated by the model as it is"
     return Motions(
-        subject=(table["model"] + "_" + table["subject"]).to_numpy(str),
-        motion=table["motion"].to_numpy(str),
-        posture=table["posture"].to_numpy(np.int64),
-        humerus_elevation_deg=table["humerus_elevation_deg"].to_numpy(float),
-        angles_deg=np.stack([table[f"{angle}_simulated_deg"].to_numpy(float) for angle in ANGLES], axis=1),
+        subject=np.array([f"{rows[k].cells['model']}_{rows[k].cells['subject']}" for k in kept]),
+        motion=np.array([rows[k].cells["motion"] for k in kept]),
+        posture=posture[kept].astype(np.int64),
+        humerus_elevation_deg=values[kept, 2],
+        angles_deg=values[kept, 3:],
         landmarks_mm={},
-        extra=pd.DataFrame({"origin": [said] * len(table)}, dtype=str),
+        extra=pd.DataFrame({"origin": [said] * len(kept)}, dtype=str),
     )
 
 

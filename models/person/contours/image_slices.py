@@ -124,12 +124,12 @@ def _dicom(path: Path) -> ImageSlice:
 
 
 def _image(path: Path) -> ImageSlice:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     try:
         with Image.open(path) as opened:
             grey = np.asarray(opened if opened.mode in ("F", "I", "I;16", "I;16B", "L") else opened.convert("L"), float)
-    except (UnidentifiedImageError, OSError, Image.DecompressionBombError) as error:
+    except Exception as error:  # Pillow's decoders raise many kinds
         raise InputError(str(path), None, "this is no image that can be read", "Give DICOM or PNG files") from error
     nothing = np.full(3, np.nan)
     return ImageSlice(str(path), grey, nothing, nothing, nothing)

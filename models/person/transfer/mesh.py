@@ -1,5 +1,6 @@
 """Triangles of a bone's surface: files (STL, PLY, VTP), points spread evenly over it, distances to it."""
 
+import importlib.util
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from motions.errors import InputError
-from motions.files import read_bytes
+from motions.files import read_by_child, read_bytes
 
 Points = Float[np.ndarray, "3 points"]
 
@@ -24,6 +25,9 @@ _STL_HEADER, _STL_FACET = 84, 50
 
 _INFLATED = 1000
 """Numbers that a byte of a compressed file may hold; a header that states more is not believed."""
+
+_PATIENCE_S, _BYTES_A_SECOND = 60.0, 1e6
+"""How long vtk is waited for: it takes less than a second a MB after a start of half a second."""
 
 _DENSE = 20_000
 """Triangles times points that are looked at together: some 50 MB."""
@@ -91,10 +95,11 @@ def read_mesh(path: Path, unit_mm: float = 1.0) -> Mesh:
     if kind not in ENDINGS:
         cause = f"surfaces that end in {kind!r} are not read"
         raise InputError(str(path), None, cause, f"Give one that ends in {', '.join(ENDINGS)}")
-    _check_head(path, kind, read_bytes(path))
-    corners, triangles = _by_vtk(path, kind)
-    mesh = Mesh(unit_mm * corners.T.astype(float), triangles)
-    if not len(triangles) or not np.isfinite(mesh.corners).all():
+    content = read_bytes(path)
+    _check_head(path, kind, content)
+    read = _by_vtk(path, len(content))
+    mesh = Mesh(unit_mm * read["corners"].T, read["triangles"])
+    if not len(mesh.triangles) or not np.isfinite(mesh.corners).all():
         raise InputError(str(path), None, "there is no whole surface of triangles in it", "Export it anew")
     extent, (least, most) = float(np.ptp(mesh.corners, axis=1).max()), EXTENT_MM
     if not least <= extent <= most:
@@ -126,37 +131,13 @@ def _beyond(content: bytes, pattern: bytes, times: int) -> str:
     return f"it states {stated} points or faces, more than it can hold" if stated > times * len(content) else ""
 
 
-def _by_vtk(path: Path, kind: str) -> tuple[Float[np.ndarray, "corners 3"], Int[np.ndarray, "triangles 3"]]:
-    try:
-        from vtkmodules.util.numpy_support import vtk_to_numpy
-        from vtkmodules.vtkCommonCore import vtkCommand, vtkObject
-        from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
-        from vtkmodules.vtkIOGeometry import vtkSTLReader
-        from vtkmodules.vtkIOPLY import vtkPLYReader
-        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-    except ImportError as error:
+def _by_vtk(path: Path, size: int) -> dict[str, np.ndarray]:
+    """What ``mesh_child`` says, which reads the file in a process of its own.
+
+    Found by fuzzing: vtk frees memory twice on a PLY file with wrong words in its header.
+    """
+    if importlib.util.find_spec("vtkmodules") is None:
         cause = "surfaces need vtk, which is not installed"
-        raise InputError(str(path), None, cause, "Install it: pip install 'girdle[surface]'") from error
-    reader = {".stl": vtkSTLReader, ".ply": vtkPLYReader, ".vtp": vtkXMLPolyDataReader}[kind]()
-    split, clean = vtkTriangleFilter(), vtkCleanPolyData()
-    said: list[str] = []
-    for one in (reader, split, clean):
-        one.AddObserver(vtkCommand.ErrorEvent, lambda *_: said.append("the reader stopped in it"))
-    reader.SetFileName(str(path))
-    split.SetInputConnection(reader.GetOutputPort())
-    split.PassLinesOff()
-    split.PassVertsOff()
-    clean.SetInputConnection(split.GetOutputPort())
-    shown = vtkObject.GetGlobalWarningDisplay()
-    vtkObject.GlobalWarningDisplayOff()  # its words are for programmers; ours follow
-    try:
-        clean.Update()
-    finally:
-        vtkObject.SetGlobalWarningDisplay(shown)
-    if said:
-        raise InputError(str(path), None, "the surface in it cannot be read", "Export it anew")
-    surface = clean.GetOutput()
-    if not surface.GetNumberOfPoints():
-        return np.zeros((0, 3)), np.zeros((0, 3), int)
-    cells = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 3)
-    return np.array(vtk_to_numpy(surface.GetPoints().GetData())), np.array(cells, int)
+        raise InputError(str(path), None, cause, "Install it: pip install 'girdle[surface]'")
+    patience_s = _PATIENCE_S + size / _BYTES_A_SECOND
+    return read_by_child(Path(__file__).with_name("mesh_child.py"), path, "vtk", "Export the surface anew", patience_s)

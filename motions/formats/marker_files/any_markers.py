@@ -4,7 +4,7 @@ from pathlib import Path
 
 from motions.errors import InputError
 from motions.formats.marker_files.c3d import read_c3d
-from motions.formats.marker_files.export_table import ENDINGS, read_head
+from motions.formats.marker_files.export_table import ENDINGS, ExportTable, read_head
 from motions.formats.marker_files.landmark_table import has_header, holds_positions, read_landmark_table
 from motions.formats.marker_files.motive import is_motive, read_motive
 from motions.formats.marker_files.qualisys import is_qualisys, read_qualisys
@@ -34,6 +34,7 @@ def read_markers(path: Path) -> Markers | None:
     if kind not in ENDINGS:
         return None
     head = read_head(path)
+    _check_ending(head)
     if holds_positions(head.columns()):
         return read_landmark_table(path)
     for is_kind, read in _TABLES:
@@ -45,3 +46,11 @@ def read_markers(path: Path) -> Markers | None:
             str(path), None, cause, "Known are tables of Vicon, Motive, Qualisys and Visual3D, .c3d and .trc"
         )
     return None
+
+
+def _check_ending(head: ExportTable) -> None:
+    """InputError where a file of another kind was given the ending of a table."""
+    words = head.first_words()
+    found = ".trc" if "pathfiletype" in words[:1] else ".mot or .sto" if "endheader" in words else None
+    if found is not None:
+        raise InputError(head.file, None, f"this is a {found} file by its first lines", f"Let its name end in {found}")

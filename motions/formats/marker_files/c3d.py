@@ -1,15 +1,12 @@
 """Marker positions in a .c3d file (c3d.org), read by ezc3d."""
 
-import io
 import struct
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from motions.errors import InputError
-from motions.files import printable, unreadable
+from motions.files import read_by_child, unreadable
 from motions.formats.gaps import zeros_as_gaps
 from motions.landmarks.markers import Markers
 
@@ -53,17 +50,8 @@ def _by_ezc3d(path: Path) -> dict[str, np.ndarray]:
     Found by fuzzing: of files with a few wrong bytes, ezc3d reads some for ever and crashes on others.
     """
     patience_s = _PATIENCE_S + path.stat().st_size / _BYTES_A_SECOND
-    child = Path(__file__).with_name("c3d_child.py")
-    command = [sys.executable, str(child), str(path.absolute()), str(2.0 * patience_s)]
-    try:
-        ended = subprocess.run(command, capture_output=True, timeout=patience_s, check=False)
-        reason = ended.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["it crashes"]
-    except subprocess.TimeoutExpired:
-        ended, reason = None, ["it does not come to an end"]
-    if ended is None or ended.returncode:
-        cause = f"ezc3d cannot read the file ({printable(reason[0])})"
-        raise InputError(str(path), None, cause, "Export it again as .c3d from the capture software")
-    return dict(np.load(io.BytesIO(ended.stdout)))
+    remedy = "Export it again as .c3d from the capture software"
+    return read_by_child(Path(__file__).with_name("c3d_child.py"), path, "ezc3d", remedy, patience_s)
 
 
 def _check_header(path: Path) -> int:

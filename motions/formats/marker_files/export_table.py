@@ -1,7 +1,7 @@
 """A table of marker positions as capture software exports it, whatever its header: what all of them share."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,9 +26,6 @@ ENDINGS = (".csv", ".tsv", ".txt")
 """Of the files that may hold such a table."""
 
 EXPORT = "Export it again as CSV, TSV, .c3d or .trc"
-
-_NOTHING = ("null", "na", "n/a", "-", "--", "---")
-"""What programs write for a marker that was not seen, beside an empty cell, nan and zeros."""
 
 _SAYS_SEPARATOR = re.compile(r'\ufeff?"?sep=(.)"?', re.IGNORECASE)
 """The first line by which a spreadsheet says what separates the cells."""
@@ -89,7 +86,7 @@ def markers_of(
     columns = [column for block in blocks for column in block.columns]
     for line in data:
         _check_width(table.file, line, max(columns) + 1, width)
-    cells = with_points([without_nothing(line.cells[column] for column in columns) for line in data])
+    cells = with_points([[line.cells[column] for column in columns] for line in data])
     values = numbers(np.array(cells, dtype=object), [line.number for line in data], table.file)
     positions = zeros_as_gaps(values.T.reshape(len(blocks), 3, -1))
     return Markers(table.file, tuple(block.name for block in blocks), positions, unit, {}, rate_hz)
@@ -115,11 +112,6 @@ def _separated(text: str) -> tuple[str, str]:
 
 def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip().strip('"') for cell in line.split(separator)]
-
-
-def without_nothing(cells: Iterable[str]) -> list[str]:
-    """Empty the cells with a word for what was not seen."""
-    return ["" if cell.casefold() in _NOTHING else cell for cell in cells]
 
 
 def _check_width(file: str, line: Line, needed: int, width: int) -> None:

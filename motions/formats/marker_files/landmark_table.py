@@ -20,15 +20,15 @@ from motions.landmarks.markers import Markers
 ROW_COLUMNS = ("subject", "motion", "posture", "side")
 """What a file may say of each row."""
 
-_UNIT = r"(?:[\s_./]*[\[(]?(?P<unit>" + "|".join((*UNITS_MM, *UNIT_WORDS)) + r")[\])]?)?"
+_UNIT = r"(?:[\s_./]*(?:in\s+)?[\[(]?(?P<unit>" + "|".join((*UNITS_MM, *UNIT_WORDS)) + r")[\])]?)?"
 _OURS = "|".join(MARKERS)
 _FORMS = tuple(
     re.compile(form, re.IGNORECASE)
     for form in (
         r"(?P<name>.*[^\s_.:-])[\s_.:-]+(?P<unit>mm|cm)[\s_.:-]+(?P<axis>[xyz])",
-        rf"(?P<name>.*[^\s_.:-])[\s_.:-]+[\[(]?(?P<axis>[xyz])[\])]?{_UNIT}",
+        rf"(?P<name>.*[^\s_.:/-])(?:[\s_.:/-]+[\[(]?|[\[(])(?P<axis>[xyz])[\])]?{_UNIT}",
         rf"(?P<name>{_OURS})(?P<axis>[xyz]){_UNIT}",
-        rf"(?P<axis>[xyz])[\s_.:-]*(?P<name>{_OURS}){_UNIT}",
+        rf"(?P<axis>[xyz])[\s_.:(-]*(?P<name>{_OURS})\)?{_UNIT}",
     )
 )
 """Of a column: the last two of landmarks called as here, with nothing between, or with the axis before."""
@@ -46,7 +46,7 @@ _BONES = ("clavicle", "scapula", "humerus")
 def holds_positions(columns: Iterable[str]) -> bool:
     """Tell whether a table with these columns is one of positions: a motion file has the clavicle's angles too."""
     columns = list(columns)
-    return "clavicle_y_deg" not in columns and bool(_coordinates(columns))
+    return "clavicle_y_deg" not in columns and len(_coordinates(columns)) > 1  # a title may end in x, y or z
 
 
 def has_header(head: ExportTable) -> bool:

@@ -5,6 +5,7 @@ with the names, perhaps ``TRAJECTORY_TYPES`` and names of the columns, then x, y
 behind the number and the time of the frame.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from motions.errors import InputError, warn_input
@@ -48,7 +49,7 @@ def read_qualisys(path: Path) -> Markers:
         raise InputError(table.file, None, f"this Qualisys export {holds}", _EXPORT)
     row = words.index(_NAMES)
     names = _names(table, row, said)
-    data = [line for line in table.lines[row + 1 :] if any(line.cells) and _is_data(line)]
+    data = [line for line in _frames(table.lines[row + 1 :], 3 * len(names)) if _is_data(line)]
     lead = _lead(table, data, len(names))
     blocks = [Block(name, _columns(lead + 3 * k)) for k, name in enumerate(names)]
     markers = markers_of(table, blocks, data, lead + 3 * len(names), UNIT, _number(said, "frequency"))
@@ -69,6 +70,12 @@ def _names(table: ExportTable, row: int, said: dict[str, list[str]]) -> list[str
         cause = f"the header says {0 if count is None else count:g} markers (NO_OF_MARKERS) but has {len(names)} names"
         raise InputError(table.file, table.lines[row].number, cause, _EXPORT)
     return names
+
+
+def _frames(lines: Sequence[Line], width: int) -> list[Line]:
+    """The lines with something in them, and those between them with nothing but separators: nothing was seen there."""
+    known = [k for k, line in enumerate(lines) if any(line.cells)]
+    return [line for line in lines[: max(known, default=-1) + 1] if any(line.cells) or len(line.cells) >= width]
 
 
 def _is_data(line: Line) -> bool:

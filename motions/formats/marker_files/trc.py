@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from motions.errors import InputError, warn_input
 from motions.formats.gaps import zeros_as_gaps
-from motions.formats.marker_files.export_table import number_or_none, without_nothing
+from motions.formats.marker_files.export_table import number_or_none
 from motions.formats.text import Line, numbers, plain_lines, read_export, with_points
 from motions.landmarks.markers import Markers
 
@@ -100,7 +100,7 @@ def _table(rows: list[Line], columns: int, file: str) -> Float[np.ndarray, "fram
             cause = f"the line has {len(cells)} cells and ends before the {columns} of the header"
             remedy = "Export it again if it was cut off; a gap is an empty cell with its tab"
             raise InputError(file, number, cause, remedy)
-    cells = with_points([without_nothing(line.cells[:columns]) for line in rows])
+    cells = with_points([line.cells[:columns] for line in rows])
     return numbers(np.array(cells, dtype=object), [line.number for line in rows], file)
 
 
