@@ -169,17 +169,37 @@ def adapt_subjects(
     as_they_are = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
-    people = None
     if own_bones is not False:
         check_own_bones(effects, reading, thorax_downweighting)
-        sds = NO_SDS if own_bones is True else own_bones
-        people = sds if isinstance(sds, People) else learn_people(rows, models, sds, bool(parts))
+    people = _people(own_bones, rows, models, held_out=bool(parts))
     found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype, people)
     progress("uncertainty")
     uncertain = uncertainty(as_type(found.data, float), found.adapted)
     if found.own_bones is not None:
         uncertain = with_posterior(uncertain, found.own_bones)
     progress("postures after adaptation")
+    return _results(motions, models, effects, as_they_are, found, uncertain)
+
+
+def _people(
+    own_bones: bool | OwnSDs | People, rows: PostureRows, models: Sequence[AnyModel], *, held_out: bool
+) -> People | None:
+    """How persons differ, learnt where nobody has said it; None where bones are not adapted."""
+    if own_bones is False or isinstance(own_bones, People):
+        return own_bones or None
+    return learn_people(rows, models, NO_SDS if own_bones is True else own_bones, held_out)
+
+
+def _results(
+    motions: Motions,
+    models: Sequence[AnyModel],
+    effects: Amplitudes,
+    as_they_are: PostureSolution,
+    found: AdaptedSubjects,
+    uncertain: Uncertainty,
+) -> Adaptations:
+    """The tables."""
+    subjects = motions.subjects
     optima = rows_of_optima(found.rows, found.data, found.adapted)
     before, after = (_by_model(models, every) for every in (as_they_are, optima))
     results = _by_model(models, found.adapted)

@@ -259,18 +259,7 @@ def chain(
         g.append(at.d - constant)
         G.append([dot(column, at.n) for column in J])
         T.append(ellipsoid_slope(at))
-        pp: Matrix = tuple(_times(own, row) for row in at.pp)  # type: ignore[assignment]
-        pa: Matrix = tuple(_times(own, row) for row in at.pa)  # type: ignore[assignment]
-        for i in range(6):
-            bent: Vector = tuple(dot(row, J[i]) for row in pp)  # type: ignore[assignment]
-            for j in range(i + 1):
-                qq[i][j] = qq[i][j] + dot(J[j], bent)  # not +=: they all start as one array
-            stretched = [J[i][0] * pa[0][k] + J[i][1] * pa[1][k] + J[i][2] * pa[2][k] for k in range(3)]
-            for k, value in enumerate(_by_parameter(lambda k, bent=bent: -bent[k], stretched.__getitem__)):
-                qu[i][k] = qu[i][k] + value
-        for i, row in enumerate(ellipsoid_curvature(at)):
-            for j, value in enumerate(row):
-                uu[i][j] = uu[i][j] + own * value
+        _add_curvature(qq, qu, uu, own, J, at)
         forces.append(_times(own, at.n))
         arms.append(arm)
         moved.append(at.t)
@@ -298,6 +287,24 @@ def chain(
         for (i, j), value in turned.items():
             qq[first + j][first + i] = qq[first + j][first + i] + value
     return ConstraintDerivatives(g, G, T, qq, qu, uu, moved)
+
+
+def _add_curvature(
+    qq: list[list[Array]], qu: list[list[Array]], uu: list[list[Array]], own: Array, J: tuple[Vector, ...], at: Distance
+) -> None:
+    """Add own times the curvature of a point's distance, as far as the distance bends: not of how the point moves."""
+    pp: Matrix = tuple(_times(own, row) for row in at.pp)  # type: ignore[assignment]
+    pa: Matrix = tuple(_times(own, row) for row in at.pa)  # type: ignore[assignment]
+    for i in range(6):
+        bent: Vector = tuple(dot(row, J[i]) for row in pp)  # type: ignore[assignment]
+        for j in range(i + 1):
+            qq[i][j] = qq[i][j] + dot(J[j], bent)  # not +=: they all start as one array
+        stretched = [J[i][0] * pa[0][k] + J[i][1] * pa[1][k] + J[i][2] * pa[2][k] for k in range(3)]
+        for k, value in enumerate(_by_parameter(lambda k, bent=bent: -bent[k], stretched.__getitem__)):
+            qu[i][k] = qu[i][k] + value
+    for i, row in enumerate(ellipsoid_curvature(at)):
+        for j, value in enumerate(row):
+            uu[i][j] = uu[i][j] + own * value
 
 
 def _moments(arms: list[Vector], forces: list[Vector]) -> Matrix:

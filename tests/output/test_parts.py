@@ -55,6 +55,15 @@ def whole(motion, tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module", params=[(), ("--own-bones",)], ids=["plain", "own bones"])
+def asked(request, motion, tmp_path_factory) -> tuple[tuple[object, ...], Path]:
+    """An adaptation in five parts, and the folder of the same one in one part."""
+    options, folder = (motion, "--model", "R2", *request.param), tmp_path_factory.mktemp("asked")
+    ended = girdle("adapt", *options, "--out", folder)
+    assert ended.status == 0, ended.err
+    return (*options, "--chunk", 1), folder
+
+
 def work(held_out: Iterable[str] = ()) -> Work:
     return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset(), frozenset(held_out))
 
@@ -111,14 +120,16 @@ class StoppedError(Exception):
     """As if the machine had been switched off."""
 
 
-def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch):
+def test_a_stopped_run_goes_on_where_it_was(asked, tmp_path, monkeypatch):
+    options, whole = asked
+
     def stopped(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
         for count, made in enumerate(one_after_another(work, chunks)):
             if count == 2:
                 raise StoppedError
             yield made
 
-    arguments = ("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path)
+    arguments = ("adapt", *options, "--out", tmp_path)
     monkeypatch.setattr("adapt.output.large_runs.local_processes.one_after_another", stopped)
     with pytest.raises(StoppedError):
         girdle(*arguments)
@@ -177,11 +188,11 @@ def test_who_is_left_out_is_named_once(motion):
 
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
 @pytest.mark.filterwarnings("ignore")
-def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypatch):
+def test_a_worker_that_is_killed_costs_nothing(asked, tmp_path, monkeypatch):
     """Two processes; one is killed as soon as the first part is there, while it holds work."""
     from distributed import Client, LocalCluster
 
-    written = []
+    (options, whole), written = asked, []
     write = parts_module.atomic_write_bytes
 
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
@@ -196,7 +207,7 @@ def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypa
 
         monkeypatch.setattr(parts_module, "atomic_write_bytes", write_and_kill)
         address = cluster.scheduler_address
-        ended = girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--dask", address, "--out", tmp_path)
+        ended = girdle("adapt", *options, "--dask", address, "--out", tmp_path)
     assert ended.status == 0, ended.err
     assert sorted(written) == [f"{number:07d}.npz" for number in range(5)]
     assert_same_tables(tmp_path, whole)

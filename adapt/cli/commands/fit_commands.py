@@ -1,6 +1,6 @@
 """``girdle fit`` and ``girdle adapt``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Annotated
@@ -133,14 +133,10 @@ def adapt(
 
     Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
     """
-    if reading not in OBJECTIVES:
-        raise InputError("--objective", None, f"unknown variant '{reading}'", f"Use one of {', '.join(OBJECTIVES)}")
+    _check_objective(reading)
     check_angles(angles)
     effect = [*effects_of(effects_of_folder), *effect]
     known = read_known(effect, thorax_downweighting)
-    of_angles = [] if angles == SIX else [f"{angles} angles"]
-    words = [f"w = {weight:g}", f"objective {reading}", *of_angles, *[OWN_BONES] * own_bones, *known.texts]
-    how = ", ".join(words)
     named = asked_models(model, models_of)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
     options: dict[str, object] = {
@@ -163,11 +159,7 @@ def adapt(
         people = _people(files, missing, subjects, models, known, angles)
     work = Work(tuple(models), weight, reading, shown, held_out, float32, known.effects, less, people)
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
-    parts_of_files = (without_subjects(part, missing) for part in files.in_chunks(size))
-    chunks = (one for one in (with_angles(part, angles) for part in parts_of_files) if len(one.posture))
-    first = not_empty(next(chunks, None), angles)  # bad input is found before a folder is made for it
-    warn_of_alike_motions(first, "the motions")
-    chunks = chain([first], chunks)
+    chunks = _chunks(files, missing, angles, size)  # bad input is found before a folder is made for it
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
         with progress(errors) as report:
@@ -175,32 +167,54 @@ def adapt(
             report("writing")
             with transaction(folder) as part:
                 result, failed = parts.merge(part, work)
-                write_adapted_models(part, models, result.parameters, how)
-                rejected = (*files.rejected, *missing.values())
-                write_run(part, "adapt", record, options, rejected)
-                table = replace(table, rejected=rejected)
-                drawn = result.select(table.subjects)
-                at_work = described(known.effects)
+                write_adapted_models(part, models, result.parameters, _in_words(work, angles, known))
+                table = replace(table, rejected=(*files.rejected, *missing.values()))
+                write_run(part, "adapt", record, options, table.rejected)
                 wrong = write_report(
                     part,
                     table,
                     models,
-                    drawn,
+                    result.select(table.subjects),
                     failed,
                     sampled_from=len(subjects),
-                    active_effects=at_work,
-                    thorax_downweighting=known.thorax_downweighting,
+                    active_effects=described(known.effects),
+                    thorax_downweighting=less,
                 )
-        if tables:
-            _print_tables(result)
-        if people is not None:
-            print_own_bones(console, result.parameters)
-        say_known(known)
-        if OBJECTIVES[reading].landmarks:
-            print_without_landmarks(console, result.parameters)
-        print_verdicts(console, result)
+        _print_results(result, work, known, tables=tables)
         say_report(folder, wrong)
     finish(table, failed)
+
+
+def _check_objective(reading: str) -> None:
+    if reading not in OBJECTIVES:
+        raise InputError("--objective", None, f"unknown variant '{reading}'", f"Use one of {', '.join(OBJECTIVES)}")
+
+
+def _chunks(files: MotionStream, missing: dict[str, InputError], angles: str, size: int) -> Iterator[Motions]:
+    """Read so many subjects at a time, the first at once."""
+    parts = (without_subjects(part, missing) for part in files.in_chunks(size))
+    chunks = (one for one in (with_angles(part, angles) for part in parts) if len(one.posture))
+    first = not_empty(next(chunks, None), angles)
+    warn_of_alike_motions(first, "the motions")
+    return chain([first], chunks)
+
+
+def _in_words(work: Work, angles: str, known: Known) -> str:
+    """How the models were adapted."""
+    of_angles = [] if angles == SIX else [f"{angles} angles"]
+    own_bones = [] if work.people is None else [OWN_BONES]
+    return ", ".join([f"w = {work.weight:g}", f"objective {work.reading}", *of_angles, *own_bones, *known.texts])
+
+
+def _print_results(result: Tables, work: Work, known: Known, *, tables: bool) -> None:
+    if tables:
+        _print_tables(result)
+    if work.people is not None:
+        print_own_bones(console, result.parameters)
+    say_known(known)
+    if OBJECTIVES[work.reading].landmarks:
+        print_without_landmarks(console, result.parameters)
+    print_verdicts(console, result)
 
 
 def _people(

@@ -3,6 +3,7 @@
 """``girdle convert``, ``girdle model`` and ``girdle contour``: from what a laboratory measures to what is adapted."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -108,6 +109,12 @@ def convert_file(
     if motions is None:
         console.print(f"{target} written", soft_wrap=True)
         return
+    _say_converted(motions, sources, target, every_frame=not labels.at_deg)
+    finish(motions, {})
+
+
+def _say_converted(motions: Motions, sources: Sequence[Path], target: Path, *, every_frame: bool) -> None:
+    """What was written, and what of it a user may not expect."""
     subjects = len(motions.subjects)
     console.print(
         f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
@@ -116,7 +123,7 @@ def convert_file(
     if len(sources) > 1 and subjects == len(sources):
         said = "Each file is a subject of its own; --subject, or a folder for each person, puts trials together."
         console.print(said, soft_wrap=True)
-    if not labels.at_deg and sources[0].suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
+    if every_frame and sources[0].suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
         measured = np.isfinite(motions.humerus_elevation_deg).any()
         sampled = "--at 30,60,90 would sample the trial at elevations of the arm"
         said = sampled if measured else "GH, EM and EL would give the elevation of the arm, which is empty"
@@ -125,7 +132,6 @@ def convert_file(
     _say_cluster(motions)
     _say_slipped(motions)
     _say_thorax(motions)
-    finish(motions, {})
 
 
 def model_of_person(
