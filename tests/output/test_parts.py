@@ -188,11 +188,11 @@ def test_who_is_left_out_is_named_once(motion):
 
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
 @pytest.mark.filterwarnings("ignore")
-def test_a_worker_that_is_killed_costs_nothing(asked, tmp_path, monkeypatch):
+def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypatch):
     """Two processes; one is killed as soon as the first part is there, while it holds work."""
     from distributed import Client, LocalCluster
 
-    (options, whole), written = asked, []
+    written = []
     write = parts_module.atomic_write_bytes
 
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
@@ -207,7 +207,7 @@ def test_a_worker_that_is_killed_costs_nothing(asked, tmp_path, monkeypatch):
 
         monkeypatch.setattr(parts_module, "atomic_write_bytes", write_and_kill)
         address = cluster.scheduler_address
-        ended = girdle("adapt", *options, "--dask", address, "--out", tmp_path)
+        ended = girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--dask", address, "--out", tmp_path)
     assert ended.status == 0, ended.err
     assert sorted(written) == [f"{number:07d}.npz" for number in range(5)]
     assert_same_tables(tmp_path, whole)
