@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import solve_triangular
 
 
 @dataclass(frozen=True)
@@ -169,6 +168,8 @@ def _integrated(total: Float[np.ndarray, "*draws m m"]) -> tuple[np.ndarray, np.
 
 def without(matrix: Float[np.ndarray, "*shoulders n n"], first: int) -> tuple[np.ndarray, np.ndarray]:
     """Eliminate the first variables of a quadratic: the Schur complement, and half the log determinant of theirs."""
+    from scipy.linalg import solve_triangular  # 0.3 s to load: not for every command
+
     root, beside = np.linalg.cholesky(matrix[..., :first, :first]), matrix[..., :first, first:]
     flat = zip(root.reshape(-1, first, first), beside.reshape(-1, *beside.shape[-2:]), strict=True)
     across = np.reshape([solve_triangular(*one, lower=True, check_finite=False) for one in flat], beside.shape)

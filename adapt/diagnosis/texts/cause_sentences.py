@@ -155,5 +155,5 @@ def _proposal(one: Proposal, persons: int) -> str:
     if what.startswith("positions of "):
         what = what.replace("positions of ", "positions of landmarks in every posture, ", 1) + " (girdle convert)"
     now, then = (percent_text(p) for p in one.probabilities)
-    apart = f"they are {gap_text(one.apart_deg)} deg apart; told right in {now} of cases, then in {then}"
-    return f"{what}: tells {one.between[0]} from {one.between[1]} ({apart})"
+    apart = f"They are {gap_text(one.apart_deg)} deg apart, and told right in {now} of cases, then in {then}"
+    return f"{what}: tells {one.between[0]} from {one.between[1]}. {apart}"
