@@ -10,7 +10,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ from adapt.output.large_runs.parts import Chunks, Parts, Work, one_after_another
 from adapt.output.large_runs.table_arrays import as_rows, as_table
 from adapt.output.publishing import UNFINISHED
 from adapt.output.run_files import inputs_record, run_key
+from adapt.solvers.own_bones.own_adaptation import learn_people
+from adapt.solvers.rows import posture_rows
 from adapt.tables.held_out import NOTHING
 from models import load_model
 from motions import InputError, MotionStream, read_motions, write_motions
@@ -236,9 +238,12 @@ def content(part: bytes) -> dict[str, bytes]:
         return {name: file.read(name) for name in file.namelist()}
 
 
-def test_processes_make_the_parts_that_one_makes(motion):
-    chunks = list(enumerate(MotionStream(motion).in_chunks(2)))
-    expected, found = (list(maker(work(), iter(chunks))) for maker in (one_after_another, in_processes))
+@pytest.mark.parametrize("own_bones", [False, True], ids=["set's bones", "own bones"])
+def test_processes_make_the_parts_that_one_makes(motion, own_bones):
+    chunks, asked = list(enumerate(MotionStream(motion).in_chunks(2))), work()
+    if own_bones:
+        asked = replace(asked, people=learn_people(posture_rows(read_motions(motion)), asked.models))
+    expected, found = (list(maker(asked, iter(chunks))) for maker in (one_after_another, in_processes))
     assert [number for number, _ in found] == [0, 1, 2]
     for (_, one), (_, other) in zip(found, expected, strict=True):
         assert content(one) == content(other)

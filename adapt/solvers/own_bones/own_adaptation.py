@@ -145,7 +145,7 @@ class People:
     """How the persons of a run differ, by the name of a model: what each of them is adapted with."""
 
     sds: OwnSDs
-    """SDs in place of those of ``SIZES``, by name."""
+    """SDs in place of those of ``SIZES``, by name. A dict, which can be sent to a worker."""
     everybody: Mapping[str, Scales]
     without: Mapping[str, Mapping[str, Scales]]
     """By person: learnt without this person, for what is held out. Nobody else's scales know anything of a person."""
@@ -164,7 +164,7 @@ class People:
 def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS, held_out: bool = True) -> People:
     """Learn the scales of each model from these subjects, of many from a sample; where parts are ``held_out`` without
     each person of whom it was learnt, of many without each sixth of them."""
-    chosen = np.flatnonzero(np.isin(rows.subjects, sample(rows.subjects)))
+    chosen, sds = np.flatnonzero(np.isin(rows.subjects, sample(rows.subjects))), dict(sds)
     subjects = tuple(rows.subjects[k] for k in chosen.tolist())
     persons = [person_of(subject) for subject in subjects]
     different = list(dict.fromkeys(persons))
