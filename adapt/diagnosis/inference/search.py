@@ -321,7 +321,7 @@ class Search:
         return self.fit(wanted, max(within, key=lambda one: (len(one.hypothesis), one.value), default=node))
 
     def mode(self, hypothesis: Hypothesis) -> Posterior:
-        """Give the mode of a set, or of one without what is known, which is none of the search's; once."""
+        """Give the mode of a set. A set without the known causes was not searched, and is fitted here, once."""
         if hypothesis not in self.posteriors:
             near = min(self.nodes.values(), key=lambda one: (len(set(one.hypothesis) ^ set(hypothesis)), -one.value))
             found = near.posterior
