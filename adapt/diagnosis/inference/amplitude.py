@@ -58,13 +58,13 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
     within = [node for node in search.usable if name in node.hypothesis]
     share = probabilities_of_draws([node.resampled for node in within])
     counts = generator.multinomial(_DRAWS // len(search.times), share.T)
-    found = []
+    found, persons = [], _persons(search)
     for node, of_persons in zip(within, counts.T, strict=True):
         if not of_persons.any():
             continue
         given = search.given(node.posterior, node.hypothesis)
         (own,) = (place for effect, place in candidates.slices(node.hypothesis) if effect.name == name)
-        for times, count in zip(_persons(search), of_persons, strict=True):
+        for times, count in zip(persons, of_persons, strict=True):
             if count:
                 found.append(_drawn(given, times, count, generator)[:, own])
     return np.concatenate(found)

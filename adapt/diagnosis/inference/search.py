@@ -380,13 +380,18 @@ class Search:
     @property
     def left_over_share(self) -> float:
         """Share of the variance that is smooth along the motions, where nothing is named, that the best set leaves."""
-        best, *nothing = (one.discrepancy.smooth_deg2 for one in self.beliefs if one.left == "common")
-        return best / nothing[0] if nothing else 1.0
+        best, *nothing = self._common
+        return best.smooth_deg2 / nothing[0].smooth_deg2 if nothing else 1.0
 
     @property
     def shared_turn_deg(self) -> float:
         """What all shoulders have in common of how angles contradict landmarks, beside the best set."""
-        return next((one.discrepancy.common_turn_deg for one in self.beliefs if one.left == "common"), 0.0)
+        return self._common[0].common_turn_deg
+
+    @property
+    def _common(self) -> list[Discrepancy]:
+        """What all do alike is, beside the best set; and, if another is, where nothing is named."""
+        return [one.discrepancy for one in self.beliefs if one.left == "common"]
 
     @property
     def usable(self) -> list[Node]:

@@ -33,10 +33,10 @@ from models.person.positions.landmark_positions import POSITIONS, BonePoses, bon
 from motions.landmarks.sampled_postures import measured_places_mm
 from motions.rotations import DEG
 
-_CARRIERS: Mapping[str, tuple[str, ...]] = {"SC": (), "AC": ("SC",), **dict.fromkeys(("TS", "AI", "AA"), ("AC", "SC"))}
-"""The landmarks that carry each, the next one first."""
-
 _OF_SCAPULA = ("TS", "AI", "AA")
+
+_CARRIERS: Mapping[str, tuple[str, ...]] = {"SC": (), "AC": ("SC",), **dict.fromkeys(_OF_SCAPULA, ("AC", "SC"))}
+"""The landmarks that carry each, the next one first."""
 
 TURN_THE_SCAPULA_FRAME = ("skin_artefact", "scapula_landmark_bias")
 """Causes that turn the measured frame of the scapula in the bone."""
