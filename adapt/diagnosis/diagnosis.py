@@ -12,7 +12,6 @@ from adapt.diagnosis.beyond_own_bones import OwnBonesNull, Rung
 from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
-from adapt.diagnosis.inference.alone import alone_deg
 from adapt.diagnosis.inference.alternatives import with_what_moves_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
@@ -182,7 +181,7 @@ class _Study:
             sets = with_what_moves_as_well(sets, candidates.causes)
         causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
         constants = tuple(filter(null.is_constant, other))
-        against = why_not_named(weights.inclusion, candidates.causes, named, kept, constants, rejected)
+        against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected)
         shown = with_causes if tested else adapted
         verdict = self._verdict(causes, weights, gaps, shown, noise, against, rejected)
         others = null.unseen(kept, other) if gaps.other_person else None
@@ -205,7 +204,6 @@ class _Study:
             amplitude=self._amplitude(verdict, sizes),
             landmark_sizes={name: of_landmarks(candidates.effect(name), one) for name, one in candidates.sizes.items()},
             budget=budget,
-            alone_deg=alone_deg(search),
             left_over_share=_left_over(gaps),
             gaps=gaps,
             parameters=_changes(adapted, with_causes),

@@ -275,9 +275,6 @@ class Diagnosis:
     starts from it. Empty without landmarks."""
     budget: tuple[Step, ...]
     """The gap on motions not seen: as it is, adapted, with one cause after the other, from noise alone."""
-    alone_deg: dict[str, float]
-    """The gap on what the fits had not seen with each candidate alone, and with NONE, the smallest first: predicted, as
-    the search does."""
     left_over_share: float
     """Share of the adapted gap beyond noise that the causes leave over; NaN where there is none."""
     gaps: Gaps

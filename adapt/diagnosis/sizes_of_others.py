@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.fit.prediction import unseen_amplitudes
+from adapt.diagnosis.fit.unseen_amplitudes import unseen_amplitudes
 from adapt.diagnosis.inference.search import Search
 from adapt.solvers.rows import PostureRows
 from adapt.tables.folds import MOTION, Fold

@@ -11,11 +11,15 @@ from scipy.optimize import minimize
 from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
-from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING, JointFit
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING, JointFit, _minimum
 from adapt.engine.batching import take_problems
 from adapt.solvers.projection import damped_steps, gauss_newton
 from adapt.solvers.projection.bounded_step import lowest
+from adapt.solvers.projection.gauss_newton import End
 from adapt.solvers.projection.nearest_posture import THERE, _nearest_kernel, nearest_postures
+from adapt.solvers.projection.parts import Shared
+from adapt.solvers.projection.subjects import weight_of_sizes
 from models import load_model
 from models.effects import ActiveEffects, AnyGirdle
 from models.effects.amplitudes import PersonalSize
@@ -48,21 +52,29 @@ def each_alone(joint: JointFit) -> JointFit:
     return joint.of(tuple(part._replace(group=k) for k, part in enumerate(joint.parts)))
 
 
+def adapted(joint: JointFit, hypothesis: Hypothesis, theta_mm, amplitude, between: float) -> End:
+    """Adapt every part with sizes of its own about an amplitude, by so much of their prior SD."""
+    shared = joint._shared([hypothesis] * joint.groups)
+    mean = np.tile(np.reshape(amplitude, (-1, 1)), joint.groups)
+    scale = between * shared.scale / np.sqrt(weight_of_sizes(joint._parts))
+    return _minimum(joint._parts, Shared(shared.columns, scale, mean), theta_mm, mean)
+
+
 def test_personal_sizes_give_the_optimum_of_girdle_adapt():
     name, between = "scapula_landmark_bias", 0.7
     joint = joint_fit(name)
     mean, scale = (3.0, -4.0, 5.0), joint.candidates.scale[joint.candidates.where((name,))]
     effects = {name: PersonalSize(mean, tuple(between * scale))}
-    adapted = R2(simulated(name).motions, effects=effects).adapted["R2"]
-    start, count = joint.from_starts(), len(joint.parts)
-    found = each_alone(joint).adapt([(name,)] * count, start.theta_mm.T, [np.array(mean)] * count, between)
-    assert (adapted.status == "ok").all()
+    exact = R2(simulated(name).motions, effects=effects).adapted["R2"]
+    start = joint.from_starts()
+    found = adapted(each_alone(joint), (name,), start.theta_mm.T, mean, between)
+    assert (exact.status == "ok").all()
     of_sizes = joint.model.weight / (6.0 * np.array([len(part.rows) for part in joint.parts]))
     sizes = ((found.amplitude.T - mean) / (between * scale)).T
-    ours, theirs = found.E + of_sizes * (sizes**2).sum(axis=0), adapted.E + of_sizes * (adapted.sizes**2).sum(axis=0)
+    ours, theirs = found.E + of_sizes * (sizes**2).sum(axis=0), exact.E + of_sizes * (exact.sizes**2).sum(axis=0)
     np.testing.assert_allclose(ours, theirs, atol=SAME_E)
-    np.testing.assert_allclose(sizes, adapted.sizes, atol=SAME_SIZE)
-    assert (start.E > adapted.E + 1.0).all()
+    np.testing.assert_allclose(sizes, exact.sizes, atol=SAME_SIZE)
+    assert (start.E > exact.E + 1.0).all()
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.99])
@@ -173,10 +185,10 @@ def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few,
     name, start, mean = ("scapula_landmark_bias",), joint.from_starts().theta_mm.T, np.zeros(3)
     parts = each_alone(joint)
     monkeypatch.setattr(damped_steps, "_FEW", few)
-    every = parts.adapt([name] * parts.groups, start, [mean] * parts.groups, 1.0)
+    every = adapted(parts, name, start, mean, 1.0)
     assert every.settled.all()
     for group, part in enumerate(parts.parts):
-        alone = joint.of((part._replace(group=0),)).adapt([name], start[[group]], [mean], 1.0)
+        alone = adapted(joint.of((part._replace(group=0),)), name, start[[group]], mean, 1.0)
         assert alone.settled.all()
         np.testing.assert_allclose(alone.E, every.E[[group]], rtol=1e-9)
         np.testing.assert_allclose(alone.amplitude[:, 0], every.amplitude[:, group], rtol=1e-6)
@@ -191,7 +203,7 @@ def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
 
     monkeypatch.setattr(gauss_newton.Objective, "total", total)
     start, parts = joint.model.theta_mm, each_alone(joint)
-    walled = parts.adapt([()] * parts.groups, start, [np.zeros(0)] * parts.groups, 1.0)
+    walled = adapted(parts, (), start, np.zeros(0), 1.0)
     assert not walled.settled.any()
     np.testing.assert_array_equal(walled.theta_mm.T, start)
     assert next(higher) < 2 * 20, "with the mean sizes, and with each one's own"

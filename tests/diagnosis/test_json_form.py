@@ -31,7 +31,7 @@ from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
 
 KEYS = {
-    *("model", "verdict", "inclusion", "probability", "amplitude", "budget", "alone_deg", "left_over_share", "gap_deg"),
+    *("model", "verdict", "inclusion", "probability", "amplitude", "budget", "left_over_share", "gap_deg"),
     *("where", "where_by", "constraints", "parameters", "indistinguishable", "next_measurement", "noise"),
     *("expected", "axial_is_computed", "subjects", "left_out", "postures", "highest_elevation_deg", "options"),
 }

@@ -156,7 +156,6 @@ ONE = Diagnosis(
     amplitude={"scapula_landmark_bias": amplitude("scapula_landmark_bias", 7.0, 5.0)},
     landmark_sizes={},
     budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
-    alone_deg={"scapula_landmark_bias": 0.9, "ac_translation": 2.1, NONE: 2.8},
     left_over_share=0.24,
     gaps=gap_of(2.8, 0.9, 2.0),
     parameters={name: ParameterMeans(100.0, 101.0) for name in ADAPTED},

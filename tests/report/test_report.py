@@ -10,7 +10,7 @@ from diagnoses import BLIND, BY_KIND, CHECKED, ONE, TWO, alone, gap_of
 from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, data_of, one_line, sentences_of, simulated, words_of
 
-from adapt.diagnosis.result import NONE, Diagnoses
+from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.texts.wording import MOST_WORDS, amplitude_text, sentence, step_text
 from adapt.report import drawn_postures as chosen
 from adapt.report import report_html
@@ -358,7 +358,6 @@ def test_every_kind_of_answer_has_its_page(kind):
         assert amplitude_text(size) in words
         assert name in words
     assert all(one.what in words for one in diagnosis.next_measurement)
-    assert f"no candidate {diagnosis.alone_deg[NONE]:.2f}°" in words
     assert data_of(html)["models"][0]["noise_deg"] == diagnosis.noise.angle_deg
     assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
 

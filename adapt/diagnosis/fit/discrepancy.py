@@ -58,12 +58,6 @@ class Discrepancy(NamedTuple):
         """Variance of y that is smooth along the motions."""
         return self.of_motion_deg**2 + self.of_shoulder_deg**2 + self.common_motion_deg**2 + self.common_deg**2
 
-    @property
-    def between_per_deg(self) -> float:
-        """What an adaptation with sizes of its own may have of the prior SD for each degree of the noise
-        (``models.effects.amplitudes.PersonalSize``)."""
-        return self.between_shoulders / self.noise_deg
-
 
 TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5, 0.5, 0.5, 1.0)
 """Before any data: the medians of log-normal priors."""

@@ -22,7 +22,6 @@ from adapt.solvers.problems import Sets, sets_of
 from adapt.solvers.projection.gauss_newton import End, Objective, minimise
 from adapt.solvers.projection.nearest_posture import Nearest
 from adapt.solvers.projection.parts import Parts, Shared
-from adapt.solvers.projection.subjects import weight_of_sizes
 from adapt.solvers.projection.thorax_term import Thorax
 from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.effects import Effect
@@ -169,22 +168,6 @@ class JointFit:
     ) -> Nearest:
         """Find the nearest postures of all rows with the hypothesis and the amplitudes of each group."""
         return self._parts.nearest(theta_mm.T, self._strengths(hypotheses, amplitudes))
-
-    def adapt(
-        self,
-        hypotheses: Sequence[Hypothesis],
-        theta_mm: Float[np.ndarray, "parts adapted"],
-        amplitudes: Sequence[Float[np.ndarray, " own"]],
-        between_per_deg: float,
-    ) -> End:
-        """Adapt every part, which is a group of its own, as `girdle adapt --effect` does, from these parameters: with
-        sizes of the person, about these amplitudes by so much of their prior SD (``projection.subjects.fit_sizes``)."""
-        shared, per_sd = self._shared(hypotheses), np.sqrt(weight_of_sizes(self._parts))
-        mean = np.zeros(shared.mean.shape)
-        for group, amplitude in enumerate(amplitudes):
-            mean[: len(amplitude), group] = amplitude
-        about_mean = Shared(shared.columns, between_per_deg * shared.scale / per_sd, mean)
-        return _minimum(self._parts, about_mean, theta_mm, mean)
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
         """Give E of hypotheses side by side; this fit has one group."""

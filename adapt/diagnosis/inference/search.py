@@ -25,7 +25,6 @@ from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, position_rows
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
-from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.intervals import resampled_persons
@@ -86,8 +85,6 @@ class Search:
     """V of sets from the modes of others, by both names."""
     posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
     """Of the few sets of which it was asked what they predict (``mode``)."""
-    gaps: dict[Hypothesis, Float[np.ndarray, "folds 6"]] = field(default_factory=dict)
-    """Of unseen postures, of those (``unseen_gaps_deg``)."""
     discrepancy: Discrepancy = TYPICAL
     """Of the belief that is most probable with the best set; modes are found with it."""
     beliefs: tuple[Belief, ...] = (Belief("common", TYPICAL),)
@@ -330,29 +327,6 @@ class Search:
                 (found,) = self._modes([hypothesis], [start[0]], [start[1]])
             self.posteriors[hypothesis] = found
         return self.posteriors[hypothesis]
-
-    def unseen_gaps_deg(self, hypothesis: Hypothesis) -> Float[np.ndarray, "folds 6"]:
-        """Predict unseen postures with a set."""
-        self.predict([hypothesis])
-        return self.gaps[hypothesis]
-
-    def predict(self, hypotheses: Sequence[Hypothesis]) -> None:
-        """Predict unseen postures with some sets, each once: side by side it takes a fraction of the time."""
-        missing = [hypothesis for hypothesis in hypotheses if hypothesis not in self.gaps]
-        if missing:
-            found = self.predicted_gaps_deg(self.folds, missing, [self.mode(one) for one in missing])
-            self.gaps |= dict(zip(missing, found, strict=True))
-
-    def predicted_gaps_deg(
-        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Sequence[Posterior]
-    ) -> list[Float[np.ndarray, "folds 6"]]:
-        """Predict folds with each of some sets, in the linear model around the mode of one within it; the shoulder of
-        a fold has sizes of its own about the amplitudes."""
-        candidates, without = self.joint.candidates, self.likelihood_without
-        every = list(zip(hypotheses, at, strict=True))
-        amplitudes = [unseen_amplitudes(folds, candidates, *one, without) for one in every]
-        between = self.discrepancy.between_per_deg
-        return unseen_gaps_deg(self.joint, folds, hypotheses, [one.theta_mm for one in at], amplitudes, between)
 
     def sizes_of_shoulders(
         self, hypothesis: Hypothesis, seen: Collection[str], motion: str | None = None

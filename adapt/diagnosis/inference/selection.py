@@ -1,17 +1,12 @@
-"""Which causes are named: those that are needed of the set that carries over, as long as each predicts unseen motions
-and persons."""
+"""Which causes are named: those of the most probable set that are needed, over persons drawn anew."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
-
-import numpy as np
-from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.positions.position_evidence import given_by_positions
 from adapt.diagnosis.inference.alternatives import MOVES, CredibleSet, credible_set
-from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
 from models.effects.effect import cause_of
@@ -33,29 +28,6 @@ _WRONG_ANGLES_DEG = 1.0
 """Of what all have in common of how angles contradict landmarks: it takes the end of a clavicle of 150 mm by 2.6 mm, as
 far as joints move."""
 
-_WORSE = 2.0
-"""Standard errors, beyond which a prediction is worse: 1 lets chance veto one true cause in six."""
-
-
-class Gain(NamedTuple):
-    """What one cause adds to the prediction of unseen postures, mean over motions and persons that were not seen."""
-
-    mean_deg: float
-    error_deg: float
-    """The standard error of the mean."""
-
-    @property
-    def predicts(self) -> bool:
-        """Whether unseen postures are not predicted worse, beyond the error."""
-        return self.mean_deg > -_WORSE * self.error_deg
-
-
-def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis) -> Gain:
-    """Compare the unseen gaps of two hypotheses, part by part."""
-    difference = known_mean(search.unseen_gaps_deg(less) - search.unseen_gaps_deg(hypothesis))
-    by_part = search.folds.by_part(difference)
-    return Gain(float(by_part.mean()), float(_standard_error(by_part)))
-
 
 class Named(NamedTuple):
     """The causes that are named."""
@@ -71,11 +43,11 @@ class Named(NamedTuple):
 
 
 def name_causes(search: Search) -> Named:
-    """Name the causes of the most probable set, but for those that make the prediction worse."""
+    """Name the causes of the most probable set."""
     chosen, places = _chosen(search)
-    shown = [one for one in chosen.hypothesis if by_positions(search, one, chosen.hypothesis) >= LEAST_PROBABILITY]
-    hypothesis = _predicting(search, chosen, shown)
-    sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
+    hypothesis, causes = chosen.hypothesis, search.joint.candidates.causes
+    shown = [one for one in hypothesis if by_positions(search, one, hypothesis) >= LEAST_PROBABILITY]
+    sets = {name: credible_set(causes[name], places[name]) for name in hypothesis}
     return Named(hypothesis, chosen, sets, frozenset(map(cause_of, shown)))
 
 
@@ -133,14 +105,6 @@ def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
             return node, places | {name: {causes[name]: node} for name in search.known}
 
 
-def _standard_error(differences: Float[np.ndarray, "*sets folds"]) -> Float[np.ndarray, "*sets"]:
-    """Of the mean over the folds; without end of one fold."""
-    folds = differences.shape[-1]
-    if folds == 1:
-        return np.full(differences.shape[:-1], np.inf)
-    return differences.std(axis=-1, ddof=1) / np.sqrt(folds)
-
-
 def _places(search: Search, node: Node) -> dict[str, dict[str, Node]]:
     """What may stand in the place of each cause that is not known to be at work."""
     return {name: search.in_place_of(node, name) for name in node.hypothesis if name not in search.known}
@@ -154,17 +118,3 @@ def _weakest(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) 
         needed[name] = 1.0 - probabilities([one.resampled for one in sets])[0]
     weakest = min(needed, key=needed.__getitem__, default=None)
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None
-
-
-def _predicting(search: Search, node: Node, shown: Sequence[str]) -> Hypothesis:
-    """Take the cause out of a set with which the others predict worst, again and again until none makes it worse, but
-    for those that are ``shown`` by more than the angles."""
-    chosen = node.hypothesis
-    while True:
-        tested = [name for name in chosen if name not in shown]
-        search.predict([chosen, *(without(chosen, name) for name in tested)])
-        gains = {name: gain(search, without(chosen, name), chosen) for name in tested}
-        worse = [name for name in gains if not gains[name].predicts]
-        if not worse:
-            return chosen
-        chosen = without(chosen, min(worse, key=lambda name: gains[name].mean_deg))

@@ -47,7 +47,6 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "amplitude": amplitude,
             "landmark_sizes": diagnosis.landmark_sizes,
             "budget": [_step(one) for one in diagnosis.budget],
-            "alone_deg": diagnosis.alone_deg,
             "left_over_share": diagnosis.left_over_share,
             "gap_deg": _gaps(diagnosis.gaps),
             "where": diagnosis.where.cells,

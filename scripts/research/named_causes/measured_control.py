@@ -107,7 +107,8 @@ def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes, fl
     """With the sizes of a set that the search's persons have in common."""
     candidates = search.joint.candidates
     given = search.given(search.mode(hypothesis), hypothesis)
-    sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
+    per_deg = search.discrepancy.between_shoulders / search.discrepancy.noise_deg
+    sd = per_deg * candidates.scale[candidates.where(hypothesis)]
     sizes = {one.name: (given.amplitude[own], sd[own]) for one, own in candidates.slices(hypothesis)}
     fixed = {name: tuple(a) for name, (a, _) in sizes.items()}
     personal = {name: PersonalSize(tuple(a), tuple(sd)) for name, (a, sd) in sizes.items()}

@@ -1,9 +1,9 @@
 """Is an effect missed because a candidate has another form? Its evidence as the library has it, and as it truly is.
 
 Of worlds with one cause whose truth tells the strength in every posture (`synthetic_b`): the log evidence above
-that of no cause, of the best course of the library, and of the true strengths of each subject times one number; and the
-gap of unseen postures with each, deg. Where the true strengths gain much and the library little, its form is too
-narrow. Where they gain little, no candidate of any form is found in such data.
+that of no cause, of the best course of the library, and of the true strengths of each subject times one number. Where
+the true strengths gain much and the library little, its form is too narrow. Where they gain little, no candidate of any
+form is found in such data.
 
     python -m scripts.research.named_causes.synthetic_b out/forms --condition several --seed 38
     python scripts/research/named_causes/study_forms.py out/forms
@@ -12,7 +12,7 @@ narrow. Where they gain little, no candidate of any form is found in such data.
 import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -38,14 +38,6 @@ SHARE_SD = 0.3
 """Of the number by which the true strengths are multiplied, about 1: a hundredth of it would do as well."""
 
 TRUE = "as it truly is"
-
-
-class Outcome(NamedTuple):
-    """Of one hypothesis on one world."""
-
-    log_evidence: float
-    gap_deg: float
-    """Of unseen postures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +81,7 @@ def study_forms(
     print("\n" + markdown(["effect", "worlds", *_HEADER], means))
 
 
-_HEADER = ("library, log evidence", "true", "no cause, deg", "library", "true")
+_HEADER = ("library, log evidence", "true")
 
 
 def told(truth: dict) -> bool:
@@ -99,9 +91,8 @@ def told(truth: dict) -> bool:
 
 
 def cells(row) -> list[str]:
-    """Write the gains in log evidence, then the gaps."""
-    gaps = ("deg", "library_deg", "true_deg")
-    return [f"{row['library']:.0f}", f"{row['true']:.0f}", *(f"{row[gap]:.2f}" for gap in gaps)]
+    """Write the gains in log evidence."""
+    return [f"{row['library']:.0f}", f"{row['true']:.0f}"]
 
 
 def compared(truth: dict, motions: Motions) -> dict[str, float]:
@@ -112,10 +103,8 @@ def compared(truth: dict, motions: Motions) -> dict[str, float]:
     first = search_of(model, shoulders, effects)
     left_over = likeliest(first.joint, fitted(first, (TRUE,)).posterior)
     settled = Search(first.joint, first.folds, discrepancy=left_over, beliefs=(Belief("common", left_over),))
-    none, *library, true = (outcome(settled, hypothesis) for hypothesis in ((), *((one.name,) for one in effects)))
-    best = max(library)
-    gains = {"library": best.log_evidence - none.log_evidence, "true": true.log_evidence - none.log_evidence}
-    return gains | {"deg": none.gap_deg, "library_deg": best.gap_deg, "true_deg": true.gap_deg}
+    none, *library, true = (log_evidence(settled, hypothesis) for hypothesis in ((), *((one.name,) for one in effects)))
+    return {"library": max(library) - none, "true": true - none}
 
 
 def true_effect(truth: dict, motions: Motions) -> Effect:
@@ -140,10 +129,9 @@ def fitted(search: Search, hypothesis: Hypothesis) -> Node:
     return search.fit(hypothesis, none) if hypothesis else none
 
 
-def outcome(search: Search, hypothesis: Hypothesis) -> Outcome:
-    """Weigh a hypothesis and predict unseen postures with it."""
-    given = search.given(fitted(search, hypothesis).posterior, hypothesis)
-    return Outcome(given.log_evidence, float(np.nanmean(search.unseen_gaps_deg(hypothesis))))
+def log_evidence(search: Search, hypothesis: Hypothesis) -> float:
+    """Weigh a hypothesis."""
+    return search.given(fitted(search, hypothesis).posterior, hypothesis).log_evidence
 
 
 if __name__ == "__main__":
