@@ -1,19 +1,25 @@
 """Sizes of causes that have not seen what a fold holds out: a kind of motion, and persons, or of each person's own."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.fit.unseen_amplitudes import unseen_amplitudes
+from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
+from adapt.diagnosis.fit.likelihood import Likelihood
+from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
+from adapt.diagnosis.fit.posterior import Posterior
+from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.inference.search import Search
 from adapt.solvers.rows import PostureRows
 from adapt.tables.folds import MOTION, Fold
+from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects, Effect
 from models.effects.amplitudes import Amplitude, active_effects
 from motions.table import Motions
+
+_N = len(ADAPTED)
 
 
 def effects_of_folds(
@@ -41,6 +47,37 @@ def effects_of_folds(
     }
     each = [_of_subject(by_held_out[fold.held_out, fold.unseen], rows, fold.subject) for fold in folds]
     return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
+
+
+def unseen_amplitudes(
+    folds: Folds,
+    candidates: Candidates,
+    hypothesis: Hypothesis,
+    at: Posterior,
+    likelihood_without: Callable[[str], Likelihood],
+    seen: Collection[str] = (),
+) -> Float[np.ndarray, "folds own"]:
+    """Give the amplitudes of a hypothesis for every fold, in the linear model around the mode of one within it; of the
+    causes that were ``seen``, those that positions show."""
+    where, here = candidates.where(hypothesis), candidates.among_all(at.hypothesis, at.amplitude)
+    Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
+    of_motion = {
+        motion: likelihood_without(motion).evidence(at.theta_mm, at.y, Z, where, here[where])
+        for motion in dict.fromkeys(fold.held_out for fold in folds.each)
+    }
+    subjects = np.arange(len(at.theta_mm))
+    found: dict[tuple[str, tuple[int, ...]], np.ndarray] = {}
+    for fold in folds.each:
+        if (held_out := (fold.held_out, fold.unseen)) not in found:
+            others = ~np.isin(subjects, fold.unseen)
+            evidence = of_motion[fold.held_out].of(others)
+            given = evidence.given(own, here[where], candidates.mean[where], candidates.scale[where])
+            positions = likelihood_without(fold.held_out).positions
+            shown = shown_sizes(positions and positions.of(others), candidates, hypothesis, seen)
+            found[held_out] = given.amplitude
+            if shown:
+                found[held_out][shown.where] = shown.given.amplitude
+    return np.array([found[fold.held_out, fold.unseen] for fold in folds.each])
 
 
 def own_effects(

@@ -12,7 +12,6 @@ from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
-from adapt.diagnosis.fit.unseen_amplitudes import unseen_amplitudes
 from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_moves_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
@@ -21,6 +20,7 @@ from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import name_causes
 from adapt.diagnosis.inference.weights import Weights, probabilities, probabilities_of_draws, weigh
+from adapt.diagnosis.sizes_of_others import unseen_amplitudes
 from adapt.evaluation.held_out import adapt_with_folds
 from adapt.solvers.objective import WEIGHT, down_weighted
 from adapt.solvers.rows import posture_rows

@@ -7,10 +7,11 @@ import pytest
 from scipy.linalg import block_diag
 from small_worlds import joint_fit, root_of, searched
 
-from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy, whitening
+from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy, common_curves, whitening
 from adapt.diagnosis.fit.joint_fit import JointFit
+from adapt.diagnosis.fit.likeliest import likeliest
 from adapt.diagnosis.fit.likelihood import Likelihood
-from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
+from adapt.diagnosis.fit.posterior import Posterior, modes
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.search import search_of
 from models import load_model
@@ -54,7 +55,7 @@ def dense_covariance(joint: JointFit, found: Discrepancy) -> np.ndarray:
 
 def whitened_covariance(joint: JointFit, found: Discrepancy) -> np.ndarray:
     """The same from the factors that the fits use."""
-    white = whitening(joint.shoulders, found)
+    white = whitening(joint.shoulders, found, common_curves(joint.shoulders, found))
     roots = [np.linalg.inv(one) for one in white.inverse_root]
     curves = np.concatenate([root @ one for root, one in zip(roots, white.curves, strict=True)])
     order = np.argsort(np.concatenate(white.rows))
@@ -198,17 +199,15 @@ def test_the_discrepancy_that_drew_the_data_is_found(true):
 def test_neighbouring_postures_tell_little_of_what_is_smooth():
     """A constant over the seven postures of a motion: between one number and three, not seven."""
     shoulders = joint_fit().shoulders
-    white = whitening(
-        shoulders,
-        FEW._replace(
-            noise_deg=0.05,
-            of_motion_deg=1.0,
-            of_shoulder_deg=0.01,
-            common_motion_deg=0.01,
-            common_deg=0.01,
-            length_deg=60.0,
-        ),
+    smooth = FEW._replace(
+        noise_deg=0.05,
+        of_motion_deg=1.0,
+        of_shoulder_deg=0.01,
+        common_motion_deg=0.01,
+        common_deg=0.01,
+        length_deg=60.0,
     )
+    white = whitening(shoulders, smooth, common_curves(shoulders, smooth))
     ones = [inverse @ np.ones(len(rows)) for rows, inverse in zip(white.rows, white.inverse_root, strict=True)]
     numbers = sum(float(one @ one) for one in ones) / (len(shoulders.subjects) * len(shoulders.kinds))
     assert 0.9 < numbers < 3.0
@@ -225,3 +224,19 @@ def test_the_last_digit_of_the_start_does_not_decide_where_the_mode_is():
     ]
     np.testing.assert_allclose(found[1].amplitude, found[0].amplitude, rtol=1e-6)
     np.testing.assert_allclose(found[1].theta_mm, found[0].theta_mm, atol=1e-6)
+
+
+def test_of_the_modes_of_a_set_that_of_most_evidence_is_kept():
+    """A start whose bones and sizes are far away leads elsewhere, or nowhere."""
+    search = searched("scapula_landmark_bias")
+    (name,) = best = search.best.hypothesis
+    good = search.nodes.pop(best)
+    far = good._replace(
+        posterior=replace(
+            good.posterior, theta_mm=good.posterior.theta_mm + 60.0, amplitude=-9.0 * good.posterior.amplitude
+        )
+    )
+    worse = search._modes([best], [far.posterior.theta_mm], [far.posterior.amplitude])[0]
+    assert search._value(worse, best) < good.value - 1.0, "else it shows nothing"
+    assert search.fit((name,), far).value > good.value - 0.5
+    assert search._add(worse).value > good.value - 0.5

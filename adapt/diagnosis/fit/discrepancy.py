@@ -58,6 +58,10 @@ class Discrepancy(NamedTuple):
         """Variance of y that is smooth along the motions."""
         return self.of_motion_deg**2 + self.of_shoulder_deg**2 + self.common_motion_deg**2 + self.common_deg**2
 
+    def only(self, names: Sequence[str]) -> "Discrepancy":
+        """Keep some numbers; the others are 0."""
+        return self._replace(**{name: 0.0 for name in self._fields if name not in names})
+
 
 TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5, 0.5, 0.5, 1.0)
 """Before any data: the medians of log-normal priors."""
@@ -74,8 +78,8 @@ NOTHING_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({"noise": _COMMON +
 """What may be left beside the causes, and what there is then none of: noise alone; what shoulders do each in its own
 way, as bones of their own let them; and what all do alike."""
 
-OF_POSITIONS = 5
-"""So many of these, the last, are of positions."""
+OF_POSITIONS = ("own_mm", "common_mm", "own_turn_deg", "common_turn_deg", "people")
+"""What is of positions alone."""
 
 _STEP_DEG = 5.0
 """Between the points that carry what shoulders have in common."""
@@ -127,11 +131,13 @@ class Whitening:
 
 
 def whitening(
-    shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
+    shoulders: Shoulders,
+    discrepancy: Discrepancy,
+    curves: Float[np.ndarray, "rows curves"],
+    seen: Bool[np.ndarray, " rows"] | None = None,
 ) -> Whitening:
-    """Factor the covariance of all rows, or of those that are seen."""
+    """Factor the covariance of all rows, or of those that are seen, beside ``common_curves``."""
     seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
-    curves = _curves(shoulders, _common, discrepancy, _LEAST_VARIANCE)
     rows, roots, common, log_determinants = [], [], [], []
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
@@ -145,6 +151,11 @@ def whitening(
         common.append(inverse @ curves[own])
         log_determinants.append(2.0 * len(CONSTRAINTS) * np.log(np.diag(root)).sum())
     return Whitening(tuple(rows), tuple(roots), tuple(common), np.array(log_determinants))
+
+
+def common_curves(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:
+    """Give the curves, of SD 1, that y has in common in all shoulders."""
+    return _curves(shoulders, _common, discrepancy, _LEAST_VARIANCE)
 
 
 def own_position_curves(

@@ -1,17 +1,16 @@
 """What is believed of y, theta, the amplitudes and measured positions: a linear Gaussian model (``fit.evidence``)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, whitening
+from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, common_curves, whitening
 from adapt.diagnosis.fit.evidence import Evidence, without
 from adapt.diagnosis.fit.joint_fit import JointFit, Model
-from adapt.diagnosis.fit.positions.position_evidence import Grams, position_grams
+from adapt.diagnosis.fit.positions.position_evidence import position_evidence
 from models.adapted_parameters import ADAPTED
 from models.girdle import CONSTRAINTS
 
@@ -34,20 +33,13 @@ class Likelihood:
         joint: JointFit,
         discrepancy: Discrepancy,
         seen: Bool[np.ndarray, " rows"] | None = None,
-        grams: Callable[[float, float], Grams] | None = None,
     ) -> "Likelihood":
-        """Factor what no cause explains, of all rows or of those that are seen; ``grams`` keeps what positions need."""
-        rows, shoulders = joint.positions, joint.shoulders
-        positions = None
+        """Factor what no cause explains, of all rows or of those that are seen."""
+        white = whitening(joint.shoulders, discrepancy, common_curves(joint.shoulders, discrepancy), seen)
+        rows, positions = joint.positions, None
         if rows:
-            grams = grams or partial(position_grams, rows, shoulders, seen=seen)
-            positions = grams(discrepancy.noise_deg, discrepancy.length_deg).evidence(discrepancy)
-        return Likelihood(
-            joint.model,
-            whitening(shoulders, discrepancy, seen),
-            discrepancy.between_shoulders,
-            positions,
-        )
+            positions = position_evidence(rows, joint.shoulders, discrepancy, seen)
+        return Likelihood(joint.model, white, discrepancy.between_shoulders, positions)
 
     @property
     def shared(self) -> int:

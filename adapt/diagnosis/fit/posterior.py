@@ -1,23 +1,21 @@
-"""The posterior mode of sets of causes, by damped Gauss-Newton steps within the bounds; and of the discrepancy.
+"""The posterior mode of sets of causes, by damped Gauss-Newton steps within the bounds.
 
 At the mode of theta, h, b and a (``fit.evidence``) with amplitudes that all shoulders share the model is taken for
 linear (Laplace), and there each shoulder has its own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.fit.discrepancy import LOG_SD, OF_POSITIONS, TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Evidence
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.likelihood import Likelihood
-from adapt.diagnosis.fit.positions.position_evidence import position_grams
 from adapt.engine.batching import where_problems
 from adapt.solvers.projection.bounded_step import lowest
 from adapt.solvers.projection.damped_steps import STUCK, Damping, Steps, until_ended
@@ -36,13 +34,6 @@ _DAMPING = Damping(less=0.25, more=8.0, least=1e-3, least_after_failure=0.01, ho
 
 _NEAR = 1e-4
 """A posture is near enough where a projection moves it by fewer SDs: |y|^2 is stationary there."""
-
-_WITHIN = 2.5
-"""Discrepancies are looked for within so many SDs of their prior."""
-
-_SEARCH = {"eps": 1e-2, "ftol": 1e-3, "maxiter": 25, "maxls": 6}
-"""For slopes, differences of a hundredth of an SD: the evidence is smooth but for curves that come and go. At those a
-longer line search ends in vain, and steps that gain less than a thousandth are not worth their evaluations."""
 
 
 @dataclass(frozen=True)
@@ -90,37 +81,6 @@ def modes(
         evidence, *others = (by_likelihood[id(one)] for one in (likelihood, *beliefs))
         found.append(Posterior(hypothesis, thetas[group], own, y[..., 0], Z, evidence, tuple(others)))
     return found
-
-
-def likeliest(joint: JointFit, at: Posterior, none: Sequence[str] = (), start: Discrepancy = TYPICAL) -> Discrepancy:
-    """Find the discrepancy of the highest evidence times prior, in the linear model around a mode; of some of its parts
-    there is ``none``."""
-    from scipy.optimize import minimize  # 0.4 s to load: not for every command
-
-    where = joint.candidates.where(at.hypothesis)
-    mean, scale = joint.candidates.mean[where], joint.candidates.scale[where]
-    Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
-    few = replace(joint, positions=joint.positions.amplitudes(where)) if joint.positions else joint
-    free = ~np.isin(Discrepancy._fields, none)
-    free[len(free) if joint.positions else len(free) - OF_POSITIONS :] = False
-
-    def of(z: Float[np.ndarray, " numbers"]) -> Discrepancy:
-        """In SDs of the logarithms about their medians."""
-        logs = np.zeros(len(TYPICAL))
-        logs[free] = z
-        return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * logs).tolist())._replace(**dict.fromkeys(none, 0.0))
-
-    # differences change noise or length in two of their steps
-    grams = lru_cache(maxsize=2)(partial(position_grams, few.positions, few.shoulders)) if few.positions else None
-
-    def cost(z: Float[np.ndarray, " numbers"]) -> float:
-        evidence = Likelihood.of(few, of(z), grams=grams).evidence(at.theta_mm, at.y, Z, own, at.amplitude)
-        return 0.5 * float((z**2).sum()) - evidence.given(own, at.amplitude, mean, scale).log_evidence
-
-    begin = np.log(np.array(start)[free] / np.array(TYPICAL)[free]) / LOG_SD[free]
-    bounds = [(-_WITHIN, _WITHIN)] * len(begin)
-    found = minimize(cost, begin, method="L-BFGS-B", bounds=bounds, options=_SEARCH)
-    return of(found.x)
 
 
 def _by_positions(

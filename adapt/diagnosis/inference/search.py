@@ -20,11 +20,12 @@ from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
 from adapt.diagnosis.fit.discrepancy import NOTHING_OF, TYPICAL, Belief, Discrepancy, log_weights
 from adapt.diagnosis.fit.evidence import Evidence, Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
+from adapt.diagnosis.fit.likeliest import likeliest
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, position_rows
-from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
+from adapt.diagnosis.fit.posterior import Posterior, modes
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.intervals import resampled_persons
@@ -135,12 +136,15 @@ class Search:
         return self.fit_all([(hypothesis, start)])[0]
 
     def fit_all(self, starts: Sequence[tuple[Hypothesis, Node]]) -> list[Node]:
-        """Fit hypotheses side by side, each from the fit of another one."""
+        """Fit hypotheses side by side, each from the fit of another one and from that of what is known: of measured
+        shoulders a set has several modes, which are up to 30 nats apart, and some starts lead nowhere."""
         missing = {hypothesis: start for hypothesis, start in starts if hypothesis not in self.nodes}
         if missing:
-            thetas = [start.posterior.theta_mm for start in missing.values()]
-            amplitudes = [self._amplitude_at(start, hypothesis) for hypothesis, start in missing.items()]
-            for posterior in self._modes(list(missing), thetas, amplitudes):
+            known = self.nodes[self.known]
+            pairs = [(one, start) for first in (missing, dict.fromkeys(missing, known)) for one, start in first.items()]
+            thetas = [start.posterior.theta_mm for _, start in pairs]
+            amplitudes = [self._amplitude_at(start, hypothesis) for hypothesis, start in pairs]
+            for posterior in self._modes([hypothesis for hypothesis, _ in pairs], thetas, amplitudes):
                 self._add(posterior)
         return [self.nodes[hypothesis] for hypothesis, _ in starts]
 
@@ -152,14 +156,17 @@ class Search:
         return a[candidates.where(hypothesis)]
 
     def _add(self, posterior: Posterior) -> Node:
+        """Add a fitted hypothesis, unless another of its modes has more evidence."""
         hypothesis = posterior.hypothesis
         by_belief = np.full((len(self.beliefs), 1 + len(self.times)), _WORST)
         amplitude = self.given(posterior, hypothesis).amplitude
         if self.joint.candidates.has_the_sign(hypothesis, amplitude, self.known):
             by_belief = self._by_belief(posterior, hypothesis, self.times)
-        node = self.nodes[hypothesis] = Node(hypothesis, posterior, by_belief)
+        node, other = Node(hypothesis, posterior, by_belief), self.nodes.get(hypothesis)
+        if other is None or node.value > other.value:
+            self.nodes[hypothesis] = node
         self.progress(f"{len(self.nodes)} sets of causes")
-        return node
+        return self.nodes[hypothesis]
 
     def _by_belief(
         self, posterior: Posterior, hypothesis: Hypothesis, times: Float[np.ndarray, "draws subjects"]

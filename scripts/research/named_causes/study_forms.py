@@ -22,7 +22,7 @@ from jaxtyping import Float
 from adapt.cli import app as cli
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.discrepancy import Belief
-from adapt.diagnosis.fit.posterior import likeliest
+from adapt.diagnosis.fit.likeliest import likeliest
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.search import Node, Search, search_of
 from models import load_model
