@@ -25,6 +25,10 @@ os.environ["XLA_FLAGS"] = (
 if version("jaxlib").startswith("0.10."):  # a later one has no others, and ends a process that names them
     os.environ["XLA_FLAGS"] += " --xla_cpu_use_fusion_emitters=false"
 
+# JAX reads it when it is imported. The places in the source that a program came from take a tenth of the time of what
+# is mostly compiled, and nobody looks at them.
+os.environ["JAX_TRACEBACK_IN_LOCATIONS_LIMIT"] = "0"
+
 # Processes that tests start read it: threads of several processes wait for each other, and a search for causes takes
 # eight times as long.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
