@@ -82,8 +82,10 @@ def wait_for_server(port: int, server: subprocess.Popen) -> None:
 
 @pytest.fixture(scope="module")
 def window(address) -> Iterator[Page]:
+    """As someone sees it who asks for less motion: a moving bar, drawn in software, takes as much as what it waits for.
+    """
     with browser() as one:
-        page = one.new_page()
+        page = one.new_page(reduced_motion="reduce")
         page.set_default_timeout(PATIENCE_S * 1000)
         expect.set_options(timeout=PATIENCE_S * 1000)
         yield page
