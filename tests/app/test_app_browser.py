@@ -82,8 +82,7 @@ def wait_for_server(port: int, server: subprocess.Popen) -> None:
 
 @pytest.fixture(scope="module")
 def window(address) -> Iterator[Page]:
-    """As someone sees it who asks for less motion: a moving bar, drawn in software, takes as much as what it waits for.
-    """
+    """As who asks for less motion sees it: a moving bar, drawn in software, takes as much as what it waits for."""
     with browser() as one:
         page = one.new_page(reduced_motion="reduce")
         page.set_default_timeout(PATIENCE_S * 1000)
