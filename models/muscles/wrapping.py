@@ -241,7 +241,7 @@ def _leave(start: _Start, phi, a) -> tuple[Points, Points, Array]:
     return a * y, direction / size[None], start.k * size
 
 
-def _geodesic(x, v, s, a, steps: int) -> tuple[Points, Points, Points]:
+def _geodesic(x, v, s, a, steps: int | Array) -> tuple[Points, Points, Points]:
     """Follow the geodesic for a length s: end point, unit tangent, integral of curvature n_i x_i / a_i."""
     h = s / steps
 
@@ -267,7 +267,7 @@ def _geodesic(x, v, s, a, steps: int) -> tuple[Points, Points, Points]:
     return x, v / _norm(v)[None], integral
 
 
-def _miss(start: _Start, phi, s, a, steps: int) -> tuple[Array, Array]:
+def _miss(start: _Start, phi, s, a, steps: int | Array) -> tuple[Array, Array]:
     """By how much the end point misses q on its sphere, in two directions."""
     x, v, _ = _geodesic(*_leave(start, phi, a)[:2], s, a, steps)
     tangent = v / a
@@ -312,7 +312,7 @@ def _solve_jvp(primals, tangents):
     return (phi, s, error), (*correction(*moved), jnp.zeros_like(error))
 
 
-def _correction(start: _Start, phi, s, a, steps: int):
+def _correction(start: _Start, phi, s, a, steps: int | Array):
     """The miss, and the function that says which change of phi and s takes a small miss away."""
 
     def miss(phi, s):
@@ -326,7 +326,7 @@ def _correction(start: _Start, phi, s, a, steps: int):
     return missed, lambda r1, r2: ((a12 * r2 - a22 * r1) / regular, (a21 * r1 - a11 * r2) / regular)
 
 
-def _newton(start: _Start, phi, s, a, mean, steps: int) -> tuple[Array, Array, Array]:
+def _newton(start: _Start, phi, s, a, mean, steps: int | Array) -> tuple[Array, Array, Array]:
     """One step of phi and s, and the miss before it."""
     (r1, r2), correction = _correction(start, phi, s, a, steps)
     turn, onward = correction(r1, r2)
