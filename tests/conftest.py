@@ -25,6 +25,10 @@ os.environ["XLA_FLAGS"] = (
 if version("jaxlib").startswith("0.10."):  # a later one has no others, and ends a process that names them
     os.environ["XLA_FLAGS"] += " --xla_cpu_use_fusion_emitters=false"
 
+# JAX reads it when it is imported. The places in the source that a program came from take a tenth of the time of what
+# is mostly compiled, and nobody looks at them.
+os.environ["JAX_TRACEBACK_IN_LOCATIONS_LIMIT"] = "0"
+
 # Processes that tests start read it: threads of several processes wait for each other, and a search for causes takes
 # eight times as long.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -32,13 +36,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 # The C library reads it when a test process starts: with eight heaps a core a third of the memory is holes.
 os.environ["MALLOC_ARENA_MAX"] = "2"
 
-import jax  # noqa: E402
 import pytest  # noqa: E402
-from threadpoolctl import threadpool_limits  # noqa: E402
-
-import motions  # noqa: E402, F401  (switches JAX to double precision before any test makes an array)
-
-threadpool_limits(1, "blas")  # and in this one, whose NumPy is there already
 
 TESTS = Path(__file__).parent
 
@@ -47,6 +45,19 @@ MEASURED_FOLDER = Path(__file__).parents[2] / "shared" / "motions"
 
 SLOW = (TESTS / "slow.txt").read_text().split()
 """Files, and single tests of other files, that take longer than about two seconds; the longest first."""
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Switch JAX to double precision before any test makes an array, and BLAS to one thread, as above: NumPy is there
+    already. Not in the process that only hands out tests, which would import all this for nothing.
+    """
+    if session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput"):
+        return
+    from threadpoolctl import threadpool_limits
+
+    import motions  # noqa: F401
+
+    threadpool_limits(1, "blas")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -86,6 +97,8 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     """Give back the programs of a file if the process has become large: few other files need them."""
     if nextitem is None or nextitem.path == item.path or _resident_bytes() < LARGE_BYTES:
         return
+    import jax
+
     jax.clear_caches()
     gc.collect()
     with suppress(AttributeError):  # another C library than GNU's

@@ -241,7 +241,7 @@ def _leave(start: _Start, phi, a) -> tuple[Points, Points, Array]:
     return a * y, direction / size[None], start.k * size
 
 
-def _geodesic(x, v, s, a, steps: int) -> tuple[Points, Points, Points]:
+def _geodesic(x, v, s, a, steps: int | Array) -> tuple[Points, Points, Points]:
     """Follow the geodesic for a length s: end point, unit tangent, integral of curvature n_i x_i / a_i."""
     h = s / steps
 
@@ -267,7 +267,7 @@ def _geodesic(x, v, s, a, steps: int) -> tuple[Points, Points, Points]:
     return x, v / _norm(v)[None], integral
 
 
-def _miss(start: _Start, phi, s, a, steps: int) -> tuple[Array, Array]:
+def _miss(start: _Start, phi, s, a, steps: int | Array) -> tuple[Array, Array]:
     """By how much the end point misses q on its sphere, in two directions."""
     x, v, _ = _geodesic(*_leave(start, phi, a)[:2], s, a, steps)
     tangent = v / a
@@ -280,21 +280,25 @@ def _solve(start: _Start, a, touches) -> tuple[Array, Array, Array]:
     """Lead the axes from a sphere to a: phi, s and the miss. Only those that touch have to arrive."""
     mean = jnp.exp(jnp.mean(jnp.log(a), axis=0))
 
-    def stage(number, state):
-        share = (number + 1.0) / _STAGES
-        axes = mean[None] ** (1.0 - share) * a**share
-        return jax.lax.fori_loop(0, _NEWTON, lambda _, u: _newton(start, u[0], u[1], axes, mean, _FEW_STEPS)[:2], state)
+    def part(number, state):
+        arrived = number == 1
+        steps, most = (jnp.where(arrived, *two) for two in ((_STEPS, _FEW_STEPS), (_MOST_NEWTON, _STAGES * _NEWTON)))
 
-    def last(state):
-        number, phi, s, _ = state
-        return (number + 1, *_newton(start, phi, s, a, mean, _STEPS))
+        def unfinished(state):
+            done, _, _, error = state
+            return (done < most) & jnp.any(touches & ~(error < TOLERANCE) | ~arrived)
 
-    def unfinished(state):
-        number, _, _, error = state
-        return (number < _MOST_NEWTON) & jnp.any(touches & ~(error < TOLERANCE))
+        def step(state):
+            done, phi, s, _ = state
+            share = (done // _NEWTON + 1.0) / _STAGES
+            axes = jnp.where(arrived, a, mean[None] ** (1.0 - share) * a**share)
+            return (done + 1, *_newton(start, phi, s, axes, mean, steps))
 
-    phi, s = jax.lax.fori_loop(0, _STAGES, stage, (jnp.zeros_like(mean), mean * start.arc))
-    _, phi, s, error = jax.lax.while_loop(unfinished, last, (0, phi, s, jnp.full_like(s, jnp.inf)))
+        _, phi, s, _ = state
+        return jax.lax.while_loop(unfinished, step, (0, phi, s, jnp.full_like(s, jnp.inf)))
+
+    great_circle = (0, jnp.zeros_like(mean), mean * start.arc, jnp.full_like(mean, jnp.inf))
+    _, phi, s, error = jax.lax.fori_loop(0, 2, part, great_circle)
     return phi, s, error
 
 
@@ -308,21 +312,21 @@ def _solve_jvp(primals, tangents):
     return (phi, s, error), (*correction(*moved), jnp.zeros_like(error))
 
 
-def _correction(start: _Start, phi, s, a, steps: int):
+def _correction(start: _Start, phi, s, a, steps: int | Array):
     """The miss, and the function that says which change of phi and s takes a small miss away."""
 
     def miss(phi, s):
         return _miss(start, phi, s, a, steps)
 
-    one, zero = jnp.ones_like(phi), jnp.zeros_like(phi)
-    missed, (a11, a21) = jax.jvp(miss, (phi, s), (one, zero))
-    _, (a12, a22) = jax.jvp(miss, (phi, s), (zero, one))
+    along = jnp.eye(2).reshape(2, 2, *[1] * phi.ndim) * jnp.ones_like(phi)
+    missed, slopes = jax.vmap(lambda d: jax.jvp(miss, (phi, s), (d[0], d[1])), out_axes=(None, 0))(along)
+    (a11, a12), (a21, a22) = slopes
     determinant = a11 * a22 - a12 * a21
     regular = jnp.where(determinant == 0.0, 1.0, determinant)
     return missed, lambda r1, r2: ((a12 * r2 - a22 * r1) / regular, (a21 * r1 - a11 * r2) / regular)
 
 
-def _newton(start: _Start, phi, s, a, mean, steps: int) -> tuple[Array, Array, Array]:
+def _newton(start: _Start, phi, s, a, mean, steps: int | Array) -> tuple[Array, Array, Array]:
     """One step of phi and s, and the miss before it."""
     (r1, r2), correction = _correction(start, phi, s, a, steps)
     turn, onward = correction(r1, r2)

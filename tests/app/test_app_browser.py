@@ -82,8 +82,9 @@ def wait_for_server(port: int, server: subprocess.Popen) -> None:
 
 @pytest.fixture(scope="module")
 def window(address) -> Iterator[Page]:
+    """As who asks for less motion sees it: a moving bar, drawn in software, takes as much as what it waits for."""
     with browser() as one:
-        page = one.new_page()
+        page = one.new_page(reduced_motion="reduce")
         page.set_default_timeout(PATIENCE_S * 1000)
         expect.set_options(timeout=PATIENCE_S * 1000)
         yield page

@@ -111,8 +111,10 @@ def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
     def lengths(q):
         return lengths_mm(lines, model.girdle, q[:, None])[:, 0]
 
-    derivatives = few_runs(lambda q: (lengths(q), -jax.jacfwd(lengths)(q), -jax.hessian(lengths)(q)))
-    length, arms, slopes = derivatives(q)
+    by_angle = jax.jacfwd(lambda q: (lengths(q),) * 2, has_aux=True)
+    derivatives = few_runs(lambda q: (*by_angle(q), jax.hessian(lengths)(q)))
+    by_angle_mm, length, bends = derivatives(q)
+    arms, slopes = -by_angle_mm, -bends
     found = pulls(lines, model.girdle, np.asarray(q)[:, None])
     np.testing.assert_allclose(length, found.length_mm[:, 0], rtol=1e-12)
     assert (found.depth_mm > 0.0).any()
@@ -120,7 +122,7 @@ def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
         arms, arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
     )
     h = 1e-5
-    beside = [[derivatives(q + sign * h * unit)[1] for sign in (1.0, -1.0)] for unit in np.eye(6)]
+    beside = [[-derivatives(q + sign * h * unit)[0] for sign in (1.0, -1.0)] for unit in np.eye(6)]
     difference = np.stack([(more - less) / (2 * h) for more, less in beside], axis=-1)
     np.testing.assert_allclose(slopes, difference, atol=SLOPE)
 

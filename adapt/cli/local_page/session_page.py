@@ -58,6 +58,9 @@ body { background: #f6f7f8; color: #1c1c1c; font: 16px/1.5 system-ui, "Segoe UI"
   .step .q-table td:nth-child(3)::after { content: " degrees" }
   .step .q-table td:nth-child(4)::before { content: "not measured: " }
 }
+@media (prefers-reduced-motion: reduce) {
+  .q-linear-progress *, .q-linear-progress *::before, .q-linear-progress *::after { animation: none !important }
+}
 .report { display: block; width: 100%; height: 85vh; border: 1px solid #dcdcdc; background: #fff }
 """
 

@@ -136,6 +136,10 @@ def _positions(positions: Positions) -> JsonObject:
 
 def plain(value: Any) -> Any:
     """Turn a value into the types of JSON; what is not a finite number becomes None."""
+    if type(value) in (int, str):  # and float, below: a report has a million, so they come first
+        return value
+    if type(value) is float:
+        return value if math.isfinite(value) else None
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
