@@ -1,6 +1,5 @@
 """The command line: ``girdle fit | adapt | diagnose | trust | muscles | convert | model | simulate | ...``."""
 
-import gc
 import sys
 import warnings
 from importlib.metadata import version
@@ -103,7 +102,6 @@ def main(application: typer.Typer = app) -> None:
     """Run the command line: keep compiled code between runs; bad input is one message and exit status 2."""
     watch_stdin()
     keep_compiled()
-    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     try:
         with warnings.catch_warnings(action="always", category=InputWarning):
             warnings.showwarning = _show_warning

@@ -9,17 +9,12 @@ from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 from platform import python_version
 
-import jax.numpy as jnp
 import typer
 from packaging.requirements import Requirement
 
 from adapt.cli.options import console
-from adapt.cli.terminal.print_tables import folding_table
+from adapt.cli.terminal.console import folding_table
 from adapt.engine.compilation_cache import cache_folder
-from adapt.engine.jax_program import per_problem
-from adapt.engine.kernel import Kernel
-from adapt.engine.machine_code import MachineCodeError, emit_object
-from adapt.engine.object_cache import machine_folder, of_this_version
 
 EXIT_NEEDED_IS_MISSING = 1
 
@@ -121,6 +116,12 @@ def _version(package: str) -> str:
 
 def machine_code_found() -> Finding:
     """Tell whether a function of this JAX becomes machine code on this processor; if not, why."""
+    import jax.numpy as jnp  # not for the help of other commands
+
+    from adapt.engine.jax_program import per_problem
+    from adapt.engine.kernel import Kernel
+    from adapt.engine.machine_code import MachineCodeError, emit_object
+
     try:
         emit_object(Kernel("tried", per_problem(jnp.sin), ("",), "", 1).build().text())
     except MachineCodeError as error:
@@ -130,6 +131,8 @@ def machine_code_found() -> Finding:
 
 def cache_found(folder: Path) -> Iterator[Finding]:
     """Count what is kept in the cache folder: machine code of this version and of others, XLA's programs."""
+    from adapt.engine.object_cache import machine_folder, of_this_version  # JAX: not for the help of other commands
+
     if not _can_be_written(folder):
         remedy = "every run compiles anew; set XDG_CACHE_HOME to a folder of your own"
         yield Finding("cache folder", f"{folder} cannot be written to", OPTIONAL, remedy)
