@@ -1,5 +1,6 @@
 """What ``girdle diagnose``, ``girdle trust`` and ``girdle muscles`` do."""
 
+import gc
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -50,6 +51,7 @@ def diagnose_motions(
         cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
     check_use(positions, position_noise_mm)
+    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     table, models, record = read_inputs(motions, asked)
     with results_folder(out) as folder:
         with progress(errors) as report:

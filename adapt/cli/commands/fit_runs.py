@@ -1,5 +1,6 @@
 """What ``girdle fit`` and ``girdle adapt`` do."""
 
+import gc
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import chain
@@ -93,6 +94,7 @@ def adapt_motions(
     named: the models, as ``--model`` and ``--models-of`` name them. chunk: subjects worked on at a time. dask: the
     address of a scheduler. tables: print the tables too.
     """
+    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     _check_objective(asked.reading)
     check_angles(asked.angles)
     known = read_known(asked.effect, asked.thorax_downweighting)
