@@ -1,4 +1,4 @@
-"""``girdle doctor``: what is installed, what is kept between runs, what is missing and how to mend it."""
+"""What ``girdle doctor`` says: what is installed, what is kept between runs, what is missing and how to mend it."""
 
 import os
 import shlex
@@ -40,11 +40,8 @@ class Finding:
     remedy: str = ""
 
 
-def doctor() -> None:
-    """Say what is installed, what is kept between runs, and what is missing with the command that mends it.
-
-    Exit status: 0 girdle can work, 1 something that it needs is missing.
-    """
+def print_findings() -> None:
+    """Print what was found and how to mend it; exit with ``EXIT_NEEDED_IS_MISSING`` where girdle cannot work."""
     findings = [
         python_found(),
         compiled_found(),

@@ -111,7 +111,7 @@ def adapt_motions(
     work = Work(tuple(models), asked.weight, asked.reading, shown, held_out, asked.float32, known.effects, less, people)
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = _chunks(files, missing, asked.angles, size)  # bad input is found before a folder is made for it
-    options = asdict(asked)
+    options: dict[str, object] = asdict(asked)
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
         with progress(errors) as report:

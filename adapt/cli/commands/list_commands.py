@@ -1,4 +1,4 @@
-"""``girdle models``, ``girdle effects`` and ``girdle simulate``: their options and help."""
+"""``girdle models``, ``girdle effects``, ``girdle simulate`` and ``girdle doctor``: their options and help."""
 
 from typing import Annotated
 
@@ -43,3 +43,13 @@ def list_effects() -> None:
     from adapt.cli.commands.list_runs import print_effects  # JAX: not for --help
 
     print_effects()
+
+
+def doctor() -> None:
+    """Say what is installed, what is kept between runs, and what is missing with the command that mends it.
+
+    Exit status: 0 girdle can work, 1 something that it needs is missing.
+    """
+    from adapt.cli.doctor import print_findings  # it asks for every package: not for --help
+
+    print_findings()
