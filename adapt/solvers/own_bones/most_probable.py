@@ -39,6 +39,7 @@ from adapt.solvers.projection.damped_steps import Steps, until_ended
 from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers, strengths_rows
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.effects import ActiveEffects
+from models.girdle import COUNT_OF_NUMBERS
 from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES
 
@@ -71,6 +72,10 @@ _ROUNDING = 1e-12
 _FIRST_DAMPING, _LESS, _MORE, _LEAST, _MOST = 10.0, 0.3, 10.0, 1e-3, 1e3
 """Of a step in u, beside the prior's 1: less after a full step, more after a shortened one; below the least none. More
 than the most would hold u where the postures have not found their way yet."""
+
+
+_ENTRIES = np.tril_indices(COUNT_OF_NUMBERS)
+"""Of ``Eliminated.matrix``."""
 
 
 class Rows(NamedTuple):
@@ -209,9 +214,8 @@ class _Objective:
 
     def in_u(self, at: Eliminated):
         """Turn what the rows add up to from numbers into u: slope, matrix and the slope at stationary postures."""
-        n = len(at.slope)
-        whole = np.empty((n, n, len(self.parts.group)))
-        row, column = np.tril_indices(n)
+        row, column = _ENTRIES
+        whole = np.empty((COUNT_OF_NUMBERS, COUNT_OF_NUMBERS, len(self.parts.group)))
         whole[row, column] = whole[column, row] = self.sums(at.matrix)
         root = persons_first(self.prior.root_mm)
         across = np.swapaxes(root, 1, 2)
@@ -380,12 +384,11 @@ def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]
     n = matrix.shape[1]
     curvature = matrix + (variance * (1.0 + damping))[:, None, None] * np.eye(n)
     du = -_solved(curvature, slope.T)
-    concave = np.flatnonzero(~_definite(curvature))
-    if len(concave):
-        values, vectors = np.linalg.eigh(curvature[concave])
-        steepness = np.maximum(np.abs(values), variance[concave, None])
-        along = np.einsum("pij,ip->pj", vectors, slope[:, concave]) / steepness
-        du[concave] = -np.einsum("pij,pj->pi", vectors, along)
+    if not _are_definite(curvature):
+        values, vectors = np.linalg.eigh(curvature)
+        steepness = np.maximum(np.abs(values), variance[:, None])
+        along = np.einsum("pij,ip->pj", vectors, slope) / steepness
+        du = np.where(values[:, :1] > 0.0, du, -np.einsum("pij,pj->pi", vectors, along))
     return du.T
 
 
@@ -399,13 +402,13 @@ def _solved(matrices: Float[np.ndarray, "problems n n"], b: Float[np.ndarray, "p
         return (np.linalg.pinv(matrices, hermitian=True) @ b[..., None])[..., 0]
 
 
-def _definite(matrices: Float[np.ndarray, "problems n n"]) -> Bool[np.ndarray, " problems"]:
-    """Which are positive definite."""
+def _are_definite(matrices: Float[np.ndarray, "problems n n"]) -> bool:
+    """Tell whether all are positive definite."""
     try:
         np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
-        return np.linalg.eigvalsh(matrices)[:, 0] > 0.0
-    return np.ones(len(matrices), bool)
+        return False
+    return True
 
 
 def _augmented(target, stiffness, g_mm) -> Float[np.ndarray, " rows"]:
