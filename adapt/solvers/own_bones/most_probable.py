@@ -53,8 +53,8 @@ _STEPS_A_STAGE, _STAGE_GAIN = 8, 1e-2
 _STAGE_NEAR = 1e-6
 """A posture of a stage is near enough where a projection moves it by less than so many SDs."""
 
-MOST_STEPS = 320
-"""With the rigid chain most take 4 to 20, the hardest that lead to the lowest end 319 (mean of 8 healthy subjects)."""
+_MOST_STEPS = 320
+"""With the rigid chain most take 4 to 20, the hardest of those that lead to the lowest end 319."""
 
 _FLAT = 1e-6
 """|dF/du| of an end, relative to sigma^2: u is 1e-6 SDs from the optimum at most, for the prior alone curves F by as
@@ -229,7 +229,7 @@ def most_probable(
     prior: Prior,
     u: Float[np.ndarray, "n problems"],
     angles: Float[np.ndarray, "6 rows"],
-    most_steps: int = MOST_STEPS,
+    most_steps: int = _MOST_STEPS,
 ) -> Posterior:
     """Find it of each person from u and ``angles`` (rad), in at most so many steps."""
     objective = _Objective(rows, prior, Parts(part, np.arange(len(prior.noise_deg))))
@@ -384,11 +384,12 @@ def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]
     n = matrix.shape[1]
     curvature = matrix + (variance * (1.0 + damping))[:, None, None] * np.eye(n)
     du = -_solved(curvature, slope.T)
-    if not _are_definite(curvature):
-        values, vectors = np.linalg.eigh(curvature)
-        steepness = np.maximum(np.abs(values), variance[:, None])
-        along = np.einsum("pij,ip->pj", vectors, slope) / steepness
-        du = np.where(values[:, :1] > 0.0, du, -np.einsum("pij,pj->pi", vectors, along))
+    concave = np.flatnonzero(~_definite(curvature))
+    if len(concave):
+        values, vectors = np.linalg.eigh(curvature[concave])
+        steepness = np.maximum(np.abs(values), variance[concave, None])
+        along = np.einsum("pij,ip->pj", vectors, slope[:, concave]) / steepness
+        du[concave] = -np.einsum("pij,pj->pi", vectors, along)
     return du.T
 
 
@@ -402,13 +403,13 @@ def _solved(matrices: Float[np.ndarray, "problems n n"], b: Float[np.ndarray, "p
         return (np.linalg.pinv(matrices, hermitian=True) @ b[..., None])[..., 0]
 
 
-def _are_definite(matrices: Float[np.ndarray, "problems n n"]) -> bool:
-    """Tell whether all are positive definite."""
+def _definite(matrices: Float[np.ndarray, "problems n n"]) -> Bool[np.ndarray, " problems"]:
+    """Which are positive definite."""
     try:
         np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
-        return False
-    return True
+        return np.linalg.eigvalsh(matrices)[:, 0] > 0.0
+    return np.ones(len(matrices), bool)
 
 
 def _augmented(target, stiffness, g_mm) -> Float[np.ndarray, " rows"]:
