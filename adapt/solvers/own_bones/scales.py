@@ -138,13 +138,13 @@ def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence
     x = np.log(np.array(start) / np.array(PRIOR)).T
     here, length = minus_two_log_likelihood(x, pairs, run), np.ones(len(start))
     for _ in range(_MOST_STEPS):
-        value, slope, *curvatures = here
+        value, slope, curvature, expected = here
         free = ~((x <= _LEAST) & (slope > 0.0) | (x >= _MOST) & (slope < 0.0))
         going = (np.abs(slope * free).max(axis=0) > _FLAT) & (length > _SHORTEST)
         if not going.any():
             break
         some, mine = np.flatnonzero(going), going[run]
-        tried = np.clip(x - length * _newton(slope, *curvatures, free), _LEAST, _MOST)[:, some]
+        tried = np.clip(x - length * _newton(slope, curvature, expected, free), _LEAST, _MOST)[:, some]
         there = minus_two_log_likelihood(tried, take_problems(pairs, mine), np.searchsorted(some, run[mine]))
         better = there[0] <= value[some] + _ROUNDING * np.abs(value[some])
         put_problems((x, here), some[better], take_problems((tried, there), better))
