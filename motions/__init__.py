@@ -1,15 +1,26 @@
-"""Measured (and simulated) motions of the shoulder girdle: rotations, files, the scapulo-humeral rhythm."""
+"""Measured (and simulated) motions of the shoulder girdle: rotations, files, the scapulo-humeral rhythm.
 
-import jax
+All names but ``InputError`` are imported when they are asked for: the command line's help needs none of them.
+"""
+
+import importlib
+import os
+import sys
+from typing import TYPE_CHECKING, Any
 
 from motions.errors import InputError
-from motions.formats.any_file import read_trial
-from motions.motion_csv.reading import MotionStream, read_motions
-from motions.motion_csv.writing import write_motions
-from motions.table import ANGLES, LANDMARKS, Motions
 
-# The fits are exact in double precision only; no module of the project makes an array before this line.
-jax.config.update("jax_enable_x64", True)
+if TYPE_CHECKING:
+    from motions.formats.any_file import read_trial
+    from motions.motion_csv.reading import MotionStream, read_motions
+    from motions.motion_csv.writing import write_motions
+    from motions.table import ANGLES, LANDMARKS, Motions
+
+# The fits are exact in double precision only; no module of the project makes an array before these lines. JAX reads
+# the environment when it is imported, and is told where it is there already.
+os.environ["JAX_ENABLE_X64"] = "1"
+if "jax" in sys.modules:
+    sys.modules["jax"].config.update("jax_enable_x64", True)
 
 __all__ = [
     "ANGLES",
@@ -21,3 +32,21 @@ __all__ = [
     "read_trial",
     "write_motions",
 ]
+
+_HOMES = {
+    "motions.formats.any_file": ("read_trial",),
+    "motions.motion_csv.reading": ("MotionStream", "read_motions"),
+    "motions.motion_csv.writing": ("write_motions",),
+    "motions.table": ("ANGLES", "LANDMARKS", "Motions"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    home = next((module for module, names in _HOMES.items() if name in names), None)
+    if home is None:
+        raise AttributeError(f"module 'motions' has no attribute {name!r}")
+    return getattr(importlib.import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -7,12 +7,14 @@ import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 from uuid import uuid4
 
-import numpy as np
-
 from motions.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _LONGEST_NAME = 120
 """Characters of a file name before its ending; file systems allow 255 bytes."""
@@ -57,12 +59,14 @@ def unreadable(path: Path, error: OSError) -> InputError:
     return InputError(str(path), None, cause, "Check its name, and that you may read it")
 
 
-def read_by_child(child: Path, path: Path, library: str, remedy: str, patience_s: float) -> dict[str, np.ndarray]:
+def read_by_child(child: Path, path: Path, library: str, remedy: str, patience_s: float) -> "dict[str, np.ndarray]":
     """Read a file by the program ``child`` of this project, which writes a numpy archive to stdout.
 
     Its arguments are the path, and seconds after which it ends by itself, as whoever waits for it may be killed.
     InputError with the last line that it says where it fails, crashes, or does not end within ``patience_s``.
     """
+    import numpy as np  # the command line's help, which prints by `printable`, does not wait for it
+
     command = [sys.executable, str(child), str(path.absolute()), str(2.0 * patience_s)]
     try:
         ended = subprocess.run(command, capture_output=True, timeout=patience_s, check=False)

@@ -26,7 +26,7 @@ from rich.progress import track
 from rich.table import Table
 
 from adapt.cli.commands.known_effects import effects_of, read_known
-from adapt.cli.landmarks.check_command import differences_of_two, unsound
+from adapt.cli.landmarks.check_run import differences_of_two, unsound
 from adapt.cli.landmarks.contour import write_contours
 from adapt.cli.landmarks.convert import simulated_motions
 from adapt.output.repeat import read_record, recorded_arguments

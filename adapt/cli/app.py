@@ -1,9 +1,7 @@
 """The command line: ``girdle fit | adapt | diagnose | trust | muscles | convert | model | simulate | ...``."""
 
-import gc
 import sys
 import warnings
-from importlib.metadata import version
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -12,9 +10,8 @@ from adapt.cli.commands.app_command import open_app
 from adapt.cli.commands.assess_commands import diagnose_gap, muscle_results, trust_results
 from adapt.cli.commands.drive_command import drive_girdle
 from adapt.cli.commands.fit_commands import adapt, fit
-from adapt.cli.commands.list_commands import list_effects, list_models, simulate
+from adapt.cli.commands.list_commands import doctor, list_effects, list_models, simulate
 from adapt.cli.commands.thesis_commands import compare, questions
-from adapt.cli.doctor import doctor
 from adapt.cli.ending import EXIT_BAD_INPUT, EXIT_INTERRUPTED, is_out_of_memory, out_of_memory, watch_stdin
 from adapt.cli.landmarks.check_command import check
 from adapt.cli.landmarks.landmark_commands import contours_of_slices, convert_file, model_of_person
@@ -67,6 +64,8 @@ for name, command in {
 
 def _say_version(asked: bool) -> None:
     if asked:
+        from importlib.metadata import version  # 30 ms of every start
+
         console.print(f"girdle {version('girdle')}")
         raise typer.Exit
 
@@ -103,7 +102,6 @@ def main(application: typer.Typer = app) -> None:
     """Run the command line: keep compiled code between runs; bad input is one message and exit status 2."""
     watch_stdin()
     keep_compiled()
-    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     try:
         with warnings.catch_warnings(action="always", category=InputWarning):
             warnings.showwarning = _show_warning

@@ -1,4 +1,4 @@
-"""``girdle doctor``: what is installed, what is kept between runs, what is missing and how to mend it."""
+"""What ``girdle doctor`` says: what is installed, what is kept between runs, what is missing and how to mend it."""
 
 import os
 import shlex
@@ -9,17 +9,12 @@ from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 from platform import python_version
 
-import jax.numpy as jnp
 import typer
 from packaging.requirements import Requirement
 
 from adapt.cli.options import console
-from adapt.cli.terminal.print_tables import folding_table
+from adapt.cli.terminal.console import folding_table
 from adapt.engine.compilation_cache import cache_folder
-from adapt.engine.jax_program import per_problem
-from adapt.engine.kernel import Kernel
-from adapt.engine.machine_code import MachineCodeError, emit_object
-from adapt.engine.object_cache import machine_folder, of_this_version
 
 EXIT_NEEDED_IS_MISSING = 1
 
@@ -45,11 +40,8 @@ class Finding:
     remedy: str = ""
 
 
-def doctor() -> None:
-    """Say what is installed, what is kept between runs, and what is missing with the command that mends it.
-
-    Exit status: 0 girdle can work, 1 something that it needs is missing.
-    """
+def print_findings() -> None:
+    """Print what was found and how to mend it; exit with ``EXIT_NEEDED_IS_MISSING`` where girdle cannot work."""
     findings = [
         python_found(),
         compiled_found(),
@@ -121,6 +113,12 @@ def _version(package: str) -> str:
 
 def machine_code_found() -> Finding:
     """Tell whether a function of this JAX becomes machine code on this processor; if not, why."""
+    import jax.numpy as jnp  # not for the help of other commands
+
+    from adapt.engine.jax_program import per_problem
+    from adapt.engine.kernel import Kernel
+    from adapt.engine.machine_code import MachineCodeError, emit_object
+
     try:
         emit_object(Kernel("tried", per_problem(jnp.sin), ("",), "", 1).build().text())
     except MachineCodeError as error:
@@ -130,6 +128,8 @@ def machine_code_found() -> Finding:
 
 def cache_found(folder: Path) -> Iterator[Finding]:
     """Count what is kept in the cache folder: machine code of this version and of others, XLA's programs."""
+    from adapt.engine.object_cache import machine_folder, of_this_version  # JAX: not for the help of other commands
+
     if not _can_be_written(folder):
         remedy = "every run compiles anew; set XDG_CACHE_HOME to a folder of your own"
         yield Finding("cache folder", f"{folder} cannot be written to", OPTIONAL, remedy)

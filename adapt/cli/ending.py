@@ -3,12 +3,15 @@
 import os
 from pathlib import Path
 from threading import Thread
+from typing import TYPE_CHECKING
 
 import typer
 
 from adapt.cli.options import console, errors
-from adapt.output.result_files import REPORT, raise_without_report
-from motions import InputError, Motions
+from motions import InputError
+
+if TYPE_CHECKING:
+    from motions import Motions
 
 EXIT_BAD_INPUT = 2
 EXIT_SOME_NOT_HANDLED = 3
@@ -51,11 +54,13 @@ def out_of_memory() -> InputError:
 
 def say_report(folder: Path, wrong: Exception | None) -> None:
     """Say which page to open; raise what went wrong with it, if anything did."""
+    from adapt.output.result_files import REPORT, raise_without_report  # pandas: not for every command
+
     raise_without_report(folder, wrong)
     console.print(f"Open {folder / REPORT}", soft_wrap=True)
 
 
-def finish(motions: Motions, failed: dict[str, str]) -> None:
+def finish(motions: "Motions", failed: dict[str, str]) -> None:
     """Name who was not handled on stderr and end with the exit status."""
     for error in motions.rejected:
         errors.print(f"left out: {error}", soft_wrap=True)

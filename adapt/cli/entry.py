@@ -1,7 +1,7 @@
 """Where `girdle` starts: a TAB of the shell is answered from a list of words, anything else by the command line.
 
-The command line imports JAX, which takes a second: too long for a TAB. `shell_words.txt` holds its commands and
-options; `scripts/shell_words.py` writes it.
+The command line, and libraries that its options check by, take too long for a TAB. `shell_words.txt` holds its
+commands and options; `scripts/shell_words.py` writes it.
 """
 
 import inspect

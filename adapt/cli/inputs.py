@@ -6,17 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.cli.options import DEFAULT_MODEL
+from adapt.cli.choices import ANGLE_CHOICES, SIX
 from adapt.output.run_files import Files, inputs_record
 from models.person.family import AnyModel, PersonalSets, load_any_model
 from motions import InputError, Motions, read_motions
 from motions.errors import warn_input
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.table import FEWEST_ANGLES, warn_of_alike_motions
-
-ANGLE_CHOICES = SIX, FIVE = ("six", "five")
-"""The angles that J is made of: all that were measured, or all but the axial rotation of the clavicle, which from two
-landmarks is an estimate (thesis 6.2.2)."""
 
 _MOST_NAMED = 10
 """Names in a message."""
@@ -94,11 +90,6 @@ def without_subjects(motions: Motions, missing: dict[str, InputError]) -> Motion
         return motions
     kept = motions.select(~np.isin(motions.subject, list(missing)))
     return replace(kept, rejected=(*motions.rejected, *mine))
-
-
-def asked_models(model: list[str], models_of: list[Path]) -> list[str]:
-    """Return what was asked for, else the default. A folder stands among the models, as run.json has it."""
-    return [*model, *(str(folder.absolute()) for folder in models_of)] or [DEFAULT_MODEL]
 
 
 def load_models(models: list[str]) -> list[AnyModel]:

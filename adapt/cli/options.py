@@ -5,18 +5,19 @@ from typing import Annotated
 
 import typer
 
-from adapt.cli.terminal.print_tables import PlainConsole
-from adapt.output.repeat import other_versions, read_record, recorded_arguments
-from adapt.solvers.objective import OBJECTIVES, check_weight
-from models.effects.amplitudes import OPTION
-from models.effects.course import FULL_ELEVATION_DEG
+from adapt.cli.choices import (
+    CLAVICLE_Z,
+    DEFAULT_MODEL,
+    EFFECT_OPTION,
+    FULL_ELEVATION_DEG,
+    GH_OFFSETS,
+    OBJECTIVES,
+    OFFSETS,
+    ROTATIONS,
+    UNITS_MM,
+)
+from adapt.cli.terminal.console import PlainConsole
 from motions.errors import InputError
-from motions.landmarks.acromion import ROTATIONS
-from motions.landmarks.mapping import UNITS_MM
-from motions.landmarks.sampled_postures import CLAVICLE_Z
-from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
-
-DEFAULT_MODEL = "R2"
 
 THORAX_OPTION = "--thorax-downweighting"
 
@@ -53,6 +54,8 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
     """What the record says becomes the default of the command's parameters."""
     if path is None:
         return
+    from adapt.output.repeat import other_versions, read_record, recorded_arguments  # pandas: not for every command
+
     parameters = {one.name: one for one in context.command.params if one.name}
     options = set(parameters) - {"motions", "model", "models_of", "out", "repeat"}
     record = read_record(path)
@@ -68,6 +71,8 @@ def _not_without_motions(weight: float) -> float:
     if weight == 0.0:
         cause = "with w = 0 the measured angles have no part in E, and nothing is adapted to them"
         raise InputError("--weight", None, cause, "Give a positive number, as 10, or use girdle fit")
+    from adapt.solvers.objective import check_weight  # JAX: not for --help
+
     check_weight(weight, "--weight")
     return weight
 
@@ -109,7 +114,7 @@ Float32 = Annotated[
 KnownEffects = Annotated[
     list[str],
     typer.Option(
-        OPTION,
+        EFFECT_OPTION,
         metavar="NAME=A,B,C",
         help="An effect known to be active in every subject, by the size of each of its directions (see `girdle "
         f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
@@ -197,3 +202,8 @@ ClavicleZ = Annotated[
 SurfaceUnit = Annotated[
     str, typer.Option(help=f"Unit of the surfaces, which their files do not say: {', '.join(UNITS_MM)}.")
 ]
+
+
+def asked_models(model: list[str], models_of: list[Path]) -> list[str]:
+    """Return what was asked for, else the default. A folder stands among the models, as run.json has it."""
+    return [*model, *(str(folder.absolute()) for folder in models_of)] or [DEFAULT_MODEL]

@@ -12,7 +12,7 @@ from diagnoses import NOTHING, ONE, TWO, gap_of
 from handmade import adaptations
 
 from adapt import diagnose
-from adapt.cli.commands import assess_commands as cli
+from adapt.cli.commands import assess_runs as cli
 from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.diagnosis.texts.wording import sentence

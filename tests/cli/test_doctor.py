@@ -12,7 +12,7 @@ import pytest
 from command import girdle
 
 from adapt.cli import doctor
-from adapt.engine import object_cache
+from adapt.engine import machine_code, object_cache
 from adapt.engine.machine_code import MachineCodeError
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -87,7 +87,7 @@ def test_a_compiler_that_fails_is_no_failure(cache, declared, monkeypatch):
     def fail(text):
         raise MachineCodeError("as LLVM says it")
 
-    monkeypatch.setattr(doctor, "emit_object", fail)
+    monkeypatch.setattr(machine_code, "emit_object", fail)
     ended = girdle("doctor")
     assert ended.status == 0
     assert "none: as LLVM says it" in ended.out

@@ -102,12 +102,38 @@ def test_a_real_shell_completes(tmp_path):
     assert ended.stdout == "--choose-weight\n"
 
 
-NOT_AT_ONCE = ("matplotlib", "scipy", "optimistix", "jaxopt", "plotly", "jinja2", "llvmlite", "ezc3d", "nicegui")
+HEAVY = ("jax", "jaxtyping", "numpy", "pandas", "scipy", "models", "adapt.solvers")
+"""Over a second of a start together: help, the version and a usage error need none of them."""
+
+
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        ([], 0),
+        (["--version"], 0),
+        (["--help"], 0),
+        *(([name, "--help"], 0) for name in typer.main.get_command(cli.app).commands),  # type: ignore[attr-defined]
+        (["diagnose", "--modls", "x"], 2),
+        (["adapt"], 2),
+    ],
+    ids=lambda given: " ".join(given) if isinstance(given, list) else str(given),
+)
+def test_what_computes_nothing_waits_for_no_library(words, status):
+    code = (
+        "import atexit, sys; from adapt.cli.entry import main; "
+        f"atexit.register(lambda: print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)); main()"
+    )
+    command = [sys.executable, "-c", code, *words]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr.splitlines()[-1]) == (status, "[]")
+
+
+NOT_AT_ONCE = ("matplotlib", "scipy", "optimistix", "jaxopt", "plotly", "jinja2", "ezc3d", "nicegui")
 """Libraries of some commands, together over a second of every start."""
 
 
-def test_no_command_waits_for_the_libraries_of_others():
-    code = f"import sys, adapt.cli.app; print(*[name for name in {NOT_AT_ONCE} if name in sys.modules])"
+def test_an_adaptation_waits_for_no_library_of_others():
+    code = f"import sys, adapt.cli.commands.fit_runs; print(*[name for name in {NOT_AT_ONCE} if name in sys.modules])"
     command = [sys.executable, "-c", code]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert ended.stdout.split() == []

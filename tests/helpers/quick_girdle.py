@@ -19,7 +19,7 @@ from handmade import adaptations
 
 from adapt import Adaptations
 from adapt.cli import app as cli
-from adapt.cli.commands import fit_commands
+from adapt.cli.commands import fit_runs
 from adapt.output.large_runs import parts
 from models import ParameterSet
 from motions import Motions
@@ -40,7 +40,7 @@ def _waits(at: str, stage: str) -> None:
 
 
 def _main(at: str) -> None:
-    write_run, replace = fit_commands.write_run, Path.replace
+    write_run, replace = fit_runs.write_run, Path.replace
 
     def fitting(*arguments: object, **named: object) -> Adaptations:
         _waits(at, "fitting")
@@ -55,7 +55,7 @@ def _main(at: str) -> None:
             _waits(at, "publishing")
         return replace(self, target)
 
-    parts.adapt_subjects, fit_commands.write_run, Path.replace = fitting, writing, publishing
+    parts.adapt_subjects, fit_runs.write_run, Path.replace = fitting, writing, publishing
     cli.main()
 
 

@@ -119,9 +119,7 @@ def test_what_a_run_reads_stays(motion, tmp_path):
 
 def test_a_run_that_failed_leaves_the_one_before(adapted, motion, monkeypatch):
     before = {name: (adapted / name).read_bytes() for name in names(adapted)}
-    monkeypatch.setattr(
-        "adapt.cli.commands.fit_commands.write_run", lambda *_: (_ for _ in ()).throw(OSError(28, "full"))
-    )
+    monkeypatch.setattr("adapt.cli.commands.fit_runs.write_run", lambda *_: (_ for _ in ()).throw(OSError(28, "full")))
     assert girdle("fit", motion, "--model", "R4", "--out", adapted).status == 2
     assert {name: (adapted / name).read_bytes() for name in names(adapted)} == before
 

@@ -86,7 +86,7 @@ def test_results_do_not_depend_on_the_chunk(motion, whole, tmp_path, chunk):
 
 
 def test_the_report_of_several_parts_says_that_it_is_a_sample(motion, tmp_path, monkeypatch):
-    monkeypatch.setattr("adapt.cli.commands.fit_commands.MOST_SHOWN", 3)
+    monkeypatch.setattr("adapt.cli.commands.fit_runs.MOST_SHOWN", 3)
     girdle("adapt", motion, "--model", "R2", "--chunk", 2, "--out", tmp_path)
     page = (tmp_path / "report.html").read_text()
     assert "this page is about 3 of 5 subjects" in page

@@ -17,6 +17,7 @@ from adapt import adapt_subjects, fit_postures
 from adapt.api import Adaptations
 from adapt.evaluation import own_or_plain
 from adapt.solvers.objective import WEIGHT
+from adapt.solvers.own_bones import own_adaptation
 from adapt.solvers.own_bones.own_adaptation import People
 from adapt.solvers.own_bones.scales import (
     Scales,
@@ -326,3 +327,13 @@ def test_an_sd_that_is_none_is_refused(shipped, sds, cause, remedy):
         adapted(shipped, sds)
     assert cause in caught.value.cause
     assert remedy in caught.value.remedy
+
+
+def test_a_first_start_that_no_other_helps_goes_on_to_its_end(world, monkeypatch):
+    """Cut short after a step, it ends where it ends in one go."""
+    monkeypatch.setattr(own_adaptation, "_with_other_starts", lambda *_: None)
+    in_one_go = adapted(world.motions).adapted["R2"]
+    monkeypatch.setattr(own_adaptation, "_FIRST_STEPS", 1)
+    found = adapted(world.motions).adapted["R2"]
+    assert (found.status == "ok").all()
+    np.testing.assert_allclose(found.E, in_one_go.E, rtol=SAME)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from handmade import adaptations, motions_of, rising
 
-from adapt.cli.terminal.print_tables import PlainConsole
+from adapt.cli.terminal.console import PlainConsole
 from adapt.cli.terminal.print_trust import print_weights, trust_sentences
 from adapt.evaluation.covariance import NORMAL_95
 from adapt.evaluation.held_out import gaps_deg, sample

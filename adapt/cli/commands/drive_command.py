@@ -1,25 +1,11 @@
-# pyright: reportGeneralTypeIssues=false
-# (pandas says "Hashable" of a group's key)
-"""``girdle drive``: the free coordinates of the girdle to postures and back."""
+"""``girdle drive``: its options and help."""
 
 from typing import Annotated
 
-import pandas as pd
 import typer
-from rich.console import Console
 
-from adapt.cli.ending import finish
-from adapt.cli.options import DEFAULT_MODEL, MotionFiles, Out, Repeat, console
-from adapt.cli.terminal.print_tables import HEADERS, folding_table
-from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
-from adapt.tables.driven_table import DrivenPostures, coordinates_of_postures, driven_postures
-from models import load_model
-from motions import Motions, read_motions, write_motions
-from motions.formats.free_coordinates import COORDINATE_COLUMNS, FREE_COORDINATES, read_free_coordinates
-from motions.motion_csv.columns import ANGLE_COLUMNS
-
-_MOST_PRINTED = 50
-"""Postures of which each has a line."""
+from adapt.cli.choices import DEFAULT_MODEL
+from adapt.cli.options import MotionFiles, Out, Repeat
 
 
 def drive_girdle(
@@ -44,28 +30,6 @@ def drive_girdle(
     With --inverse: motion files in, and in driven.csv the coordinates that the girdle has at the six angles; A1-A3
     then say how far these angles are from closing its chain.
     """
-    record, parameters = inputs_record(motions, [model]), load_model(model)
-    read = read_motions if inverse else read_free_coordinates
-    table = Motions.concatenate([read(path) for path in motions])
-    found = (coordinates_of_postures if inverse else driven_postures)(table, parameters)
-    with results_folder(out) as folder, transaction(folder) as part:
-        write_table(found.table, part / "driven.csv")
-        if not inverse and (reached := found.as_motions) is not None:
-            write_motions(reached, part / "motions.csv")
-        write_run(part, "drive", record, {"inverse": inverse}, table.rejected)
-    _print_driven(console, found)
-    finish(table, found.failed)
+    from adapt.cli.commands.drive_run import drive_motions  # JAX and pandas: not for --help
 
-
-def _print_driven(console: Console, found: DrivenPostures) -> None:
-    """Print the postures of each motion; a dash where one was not reached."""
-    shown = found.table.head(_MOST_PRINTED)
-    for (subject, motion), rows in shown.groupby(["subject", "motion"], sort=False):
-        title = f"{found.model.name}, {subject}, {motion}: mm and degrees"
-        table = folding_table(title, (), ("no.", *FREE_COORDINATES, *HEADERS))
-        for row in rows.to_dict("records"):
-            values = [row[name] for name in (*COORDINATE_COLUMNS, *ANGLE_COLUMNS)]
-            table.add_row(str(row["posture"]), *("-" if pd.isna(value) else f"{value:.1f}" for value in values))
-        console.print(table)
-    if len(found.status) > len(shown):
-        console.print(f"{len(found.status)} postures: the others in driven.csv")
+    drive_motions(motions, out, model, inverse)

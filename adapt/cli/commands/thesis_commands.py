@@ -1,18 +1,11 @@
-"""``girdle compare`` and ``girdle questions``: the thesis's tables and questions, of any motions and sets."""
+"""``girdle compare`` and ``girdle questions``: their options and help."""
 
 from typing import Annotated
 
 import typer
 
-from adapt.cli.ending import finish
-from adapt.cli.inputs import SIX, asked_models, read_inputs
-from adapt.cli.options import Angles, Models, ModelsOf, MotionFiles, Out, Repeat, console, errors
-from adapt.cli.terminal.print_tables import progress
-from adapt.cli.terminal.print_thesis import print_answers, print_comparison
-from adapt.output.large_runs.parts import not_adapted
-from adapt.output.run_files import results_folder, transaction, write_run, write_table
-from adapt.trust.questions.answers import answered, answers_table
-from adapt.trust.thesis.comparison import MotionNames, comparison, lacking
+from adapt.cli.choices import SIX
+from adapt.cli.options import Angles, Models, ModelsOf, MotionFiles, Out, Repeat, asked_models
 
 Means = Annotated[
     list[str],
@@ -46,18 +39,9 @@ def compare(
     Writes comparison.csv, one row a number: table, source (thesis or girdle), model, row (subject or statistic),
     quantity, unit, value, sd; and run.json.
     """
-    table, models, record = read_inputs(motions, asked_models(model, models_of), angles)
-    names = MotionNames.of(table, abduction, flexion)
-    with results_folder(out) as folder:
-        with progress(errors) as report:
-            found = comparison(table, models, names, mean, report)
-        with transaction(folder) as part:
-            write_table(found.table, part / "comparison.csv")
-            options = {"mean": mean, "abduction": abduction, "flexion": flexion, "angles": angles}
-            write_run(part, "compare", record, options, table.rejected)
-    print_comparison(console, found.table)
-    failed = {} if found.adaptations is None else not_adapted(found.adaptations)
-    finish(table, lacking(table, names, mean) | failed)
+    from adapt.cli.commands.thesis_runs import compare_with_thesis  # JAX and pandas: not for --help
+
+    compare_with_thesis(motions, out, asked_models(model, models_of), mean, abduction, flexion, angles)
 
 
 def questions(
@@ -77,12 +61,6 @@ def questions(
     Writes questions.csv, one row a number: question, model, case, quantity, unit, who (persons, or the group mean),
     value, low, high; and run.json.
     """
-    table, models, record = read_inputs(motions, asked_models(model, models_of))
-    with results_folder(out) as folder:
-        with progress(errors) as report:
-            found = answered(table, models, mean, report)
-        with transaction(folder) as part:
-            write_table(answers_table(found), part / "questions.csv")
-            write_run(part, "questions", record, {"mean": mean}, table.rejected)
-    print_answers(console, found)
-    finish(table, found.left_out)
+    from adapt.cli.commands.thesis_runs import answer_questions  # JAX and pandas: not for --help
+
+    answer_questions(motions, out, asked_models(model, models_of), mean)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adapt.cli.ending import ENDS_WITH_STDIN, EXIT_SOME_NOT_HANDLED
-from adapt.cli.terminal.print_tables import PROGRESS, PROGRESS_LINES
+from adapt.cli.terminal.console import PROGRESS, PROGRESS_LINES
 
 _ROOT = Path(__file__).parents[3]
 _LONGEST_LINE_BYTES = 1_000_000

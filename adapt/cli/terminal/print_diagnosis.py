@@ -5,7 +5,7 @@ import math
 from rich.console import Console
 from rich.table import Table
 
-from adapt.cli.terminal.print_tables import folding_table
+from adapt.cli.terminal.console import folding_table
 from adapt.cli.terminal.print_verdict import print_folded
 from adapt.diagnosis.result import ALL, Diagnoses, Diagnosis, GapKind, GapLevels
 from adapt.diagnosis.texts.cause_sentences import cause_sentence, measure_next

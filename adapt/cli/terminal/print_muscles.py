@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pandas as pd
 from rich.console import Console
 
-from adapt.cli.terminal.print_tables import folding_table
+from adapt.cli.terminal.console import folding_table
 from adapt.tables.before_after import STATES
 from adapt.tables.muscle_tables import JOINTS, MuscleTables, force_means, humerus_known_by, muscle_means, unbalanced
 from models.muscles.contact import FORCES

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from adapt.cli.landmarks.person import Written
-from adapt.cli.terminal.print_tables import folding_table
+from adapt.cli.terminal.console import folding_table
 from motions.files import printable
 
 _PAIRS = (("SC", "AC"), ("AC", "TS"), ("AC", "AI"), ("TS", "AI"))

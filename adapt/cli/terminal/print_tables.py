@@ -1,29 +1,20 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What a person sees on the terminal: progress while it runs, tables when it is done."""
+"""What a person sees on the terminal when a run is done: its tables."""
 
 import math
-import os
-import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any
 
 import pandas as pd
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.segment import Segment
-from rich.table import Table
 
+from adapt.cli.terminal.console import folding_table
 from adapt.solvers import status
 from adapt.solvers.own_bones.own_adaptation import DO_NOT_PREDICT, NOT_CONVERGED, WORDS
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import by_model, by_subject
 from adapt.tables.results import ALL_MOTIONS, OWN_SCALES, OWN_WORD, STATISTICS, parameter_statistics
-from motions.files import printable
 from motions.table import ANGLES
 
 HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
@@ -31,50 +22,6 @@ HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
 
 _MOST_PRINTED = 100
 """Subjects of which each has a line."""
-
-
-class PlainConsole(Console):
-    """Prints names from files as they are: neither read as markup nor able to command the terminal."""
-
-    def __init__(self, *, stderr: bool = False) -> None:
-        super().__init__(stderr=stderr, markup=False, highlight=False)
-
-    def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
-        """Pass every printed text through ``printable``, all but the control codes of rich itself."""
-        for segment in super().render(*arguments, **options):
-            yield segment if segment.control else segment._replace(text=printable(segment.text))
-
-
-PROGRESS_LINES = "GIRDLE_PROGRESS_LINES"
-"""The environment variable with which a command prints each stage as a line on stderr, although that is no terminal."""
-
-PROGRESS = "progress: "
-"""How such a line begins."""
-
-
-@contextmanager
-def progress(errors: Console) -> Iterator[Callable[[str], None]]:
-    """Show a line on stderr, if that is a terminal, that says what is being done and for how long.
-
-    Where `girdle app` runs the command, each stage is a line of its own.
-    """
-    if os.environ.get(PROGRESS_LINES):
-        yield lambda stage: print(f"{PROGRESS}{printable(stage)}", file=sys.stderr, flush=True)
-        return
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
-        task = bar.add_task("starting", total=None)
-        yield lambda stage: bar.update(task, description=stage)
-
-
-def folding_table(title: str | None, names: Sequence[str], numbers: Sequence[str] = ()) -> Table:
-    """Make an empty table: where the terminal is narrow names are folded, numbers never cut."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for name in names:
-        table.add_column(name, overflow="fold")
-    for name in numbers:
-        table.add_column(name, no_wrap=True, justify="right")
-    return table
 
 
 def print_summary(console: Console, summary: pd.DataFrame) -> None:

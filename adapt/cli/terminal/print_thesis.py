@@ -8,7 +8,8 @@ from math import isnan
 import pandas as pd
 from rich.console import Console
 
-from adapt.cli.terminal.print_tables import HEADERS, folding_table
+from adapt.cli.terminal.console import folding_table
+from adapt.cli.terminal.print_tables import HEADERS
 from adapt.trust.questions.answer import DISTANCE, ELLIPSOID, PERSONS, RHYTHM, Answer
 from adapt.trust.questions.answers import Answers
 from adapt.trust.questions.distance import BY_NOISE, SPREAD

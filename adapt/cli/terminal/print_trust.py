@@ -7,7 +7,7 @@ import math
 import pandas as pd
 from rich.console import Console
 
-from adapt.cli.terminal.print_tables import folding_table
+from adapt.cli.terminal.console import folding_table
 from adapt.trust.assessment import Trust
 from adapt.trust.thorax_plausibility import PASS, WARNING
 from models.adapted_parameters import ADAPTED

@@ -39,6 +39,7 @@ from adapt.solvers.projection.damped_steps import Steps, until_ended
 from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers, strengths_rows
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.effects import ActiveEffects
+from models.girdle import COUNT_OF_NUMBERS
 from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES
 
@@ -52,8 +53,8 @@ _STEPS_A_STAGE, _STAGE_GAIN = 8, 1e-2
 _STAGE_NEAR = 1e-6
 """A posture of a stage is near enough where a projection moves it by less than so many SDs."""
 
-_MOST_STEPS = 500
-"""With the rigid chain most take 4 to 20, the hardest of bone-pin shoulders 400."""
+_MOST_STEPS = 320
+"""With the rigid chain most take 4 to 20, the hardest of those that lead to the lowest end 319."""
 
 _FLAT = 1e-6
 """|dF/du| of an end, relative to sigma^2: u is 1e-6 SDs from the optimum at most, for the prior alone curves F by as
@@ -71,6 +72,10 @@ _ROUNDING = 1e-12
 _FIRST_DAMPING, _LESS, _MORE, _LEAST, _MOST = 10.0, 0.3, 10.0, 1e-3, 1e3
 """Of a step in u, beside the prior's 1: less after a full step, more after a shortened one; below the least none. More
 than the most would hold u where the postures have not found their way yet."""
+
+
+_ENTRIES = np.tril_indices(COUNT_OF_NUMBERS)
+"""Of ``Eliminated.matrix``."""
 
 
 class Rows(NamedTuple):
@@ -209,9 +214,8 @@ class _Objective:
 
     def in_u(self, at: Eliminated):
         """Turn what the rows add up to from numbers into u: slope, matrix and the slope at stationary postures."""
-        n = len(at.slope)
-        whole = np.empty((n, n, len(self.parts.group)))
-        row, column = np.tril_indices(n)
+        row, column = _ENTRIES
+        whole = np.empty((COUNT_OF_NUMBERS, COUNT_OF_NUMBERS, len(self.parts.group)))
         whole[row, column] = whole[column, row] = self.sums(at.matrix)
         root = persons_first(self.prior.root_mm)
         across = np.swapaxes(root, 1, 2)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import where_problems
+from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers.own_bones.most_probable import Posterior, Prior, Rows, persons_first
 from models.person.own_bones import GROUPS, SIZES
 from motions.table import FEWEST_ANGLES
@@ -138,16 +138,17 @@ def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence
     x = np.log(np.array(start) / np.array(PRIOR)).T
     here, length = minus_two_log_likelihood(x, pairs, run), np.ones(len(start))
     for _ in range(_MOST_STEPS):
-        value, slope, *curvatures = here
+        value, slope, curvature, expected = here
         free = ~((x <= _LEAST) & (slope > 0.0) | (x >= _MOST) & (slope < 0.0))
         going = (np.abs(slope * free).max(axis=0) > _FLAT) & (length > _SHORTEST)
         if not going.any():
             break
-        tried = np.clip(x - length * going * _newton(slope, *curvatures, free), _LEAST, _MOST)
-        there = minus_two_log_likelihood(tried, pairs, run)
-        better = (there[0] <= value + _ROUNDING * np.abs(value)) & going
-        x, here = where_problems(better, (tried, there), (x, here))
-        length = np.where(better, 1.0, np.where(going, _SHORTER * length, length))
+        some, mine = np.flatnonzero(going), going[run]
+        tried = np.clip(x - length * _newton(slope, curvature, expected, free), _LEAST, _MOST)[:, some]
+        there = minus_two_log_likelihood(tried, take_problems(pairs, mine), np.searchsorted(some, run[mine]))
+        better = there[0] <= value[some] + _ROUNDING * np.abs(value[some])
+        put_problems((x, here), some[better], take_problems((tried, there), better))
+        length[some] = np.where(better, 1.0, _SHORTER * length[some])
     return [Scales(*one) for one in (np.exp(x).T * np.array(PRIOR)).tolist()]
 
 

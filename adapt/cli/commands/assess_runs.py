@@ -1,0 +1,131 @@
+"""What ``girdle diagnose``, ``girdle trust`` and ``girdle muscles`` do."""
+
+import gc
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from adapt.api import adapt_subjects, adapt_with_every_fold
+from adapt.cli.ending import finish, say_report
+from adapt.cli.inputs import read_inputs
+from adapt.cli.options import EFFECTS_OF_OPTION, console, errors
+from adapt.cli.terminal.console import progress
+from adapt.cli.terminal.print_diagnosis import print_diagnosis
+from adapt.cli.terminal.print_muscles import print_muscles
+from adapt.cli.terminal.print_trust import print_trust
+from adapt.diagnosis import Diagnoses, diagnose
+from adapt.diagnosis.fit.noise import LEAST_DEG
+from adapt.diagnosis.position_findings import check_use
+from adapt.diagnosis.texts.json_form import as_json
+from adapt.evaluation.held_out import sample
+from adapt.output.large_runs.parts import not_adapted
+from adapt.output.result_files import write_adaptations, write_figures, write_positions, write_report
+from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
+from adapt.tables.held_out import fewest_parts
+from adapt.tables.muscle_tables import muscle_tables
+from adapt.trust.assessment import assess_trust
+from models.muscles.muscle_lines import muscle_lines_of
+from motions import InputError
+from motions.landmarks.humerus_pose import humerus_pose
+
+MOST_NOISE_DEG = 20.0
+"""Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
+none."""
+
+
+def diagnose_motions(
+    motions: list[Path],
+    out: Path,
+    asked: list[str],
+    noise_deg: float | None,
+    positions: str,
+    position_noise_mm: float | None,
+    tables: bool,
+) -> None:
+    """Diagnose the gap, write the files of ``girdle diagnose`` and print what was found.
+
+    asked: the models, as ``--model`` and ``--models-of`` name them.
+    """
+    if noise_deg is not None and not LEAST_DEG <= noise_deg <= MOST_NOISE_DEG:
+        cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
+        raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
+    check_use(positions, position_noise_mm)
+    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
+    table, models, record = read_inputs(motions, asked)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = adapt_with_every_fold(table, models, progress=report)
+            given = {"noise_deg": noise_deg, "positions": positions, "position_noise_mm": position_noise_mm}
+            diagnoses = Diagnoses(diagnose(table, models, progress=report, adaptations=result, **given))
+            result = replace(result, heldout=fewest_parts(result.heldout, sample(table.subjects)))
+            report("figures")
+            with transaction(folder) as part:
+                write_figures(part, diagnoses.closest)
+                write_json(as_json(diagnoses), part / "diagnosis.json")
+                write_adaptations(part, result)
+                write_positions(part, diagnoses)
+                write_run(part, "diagnose", record, given, table.rejected)
+                failed = not_adapted(result) | diagnoses.closest.left_out
+                wrong = write_report(part, table, models, result, failed, diagnoses=diagnoses)
+        sets = {one.name: name for one, name in zip(models, asked, strict=True)}
+        print_diagnosis(console, diagnoses, tables, _next_command(diagnoses, motions, sets, out))
+        say_report(folder, wrong)
+    finish(table, failed)
+
+
+def _next_command(diagnoses: Diagnoses, motions: Sequence[Path], sets: Mapping[str, str], out: Path) -> str:
+    """Write the command that adapts the same motions with own bones and, where there are any, with the causes."""
+    asked = sets[diagnoses.closest.model]
+    model = ("--models-of" if Path(asked).is_dir() else "--model", asked)
+    causes = (EFFECTS_OF_OPTION, str(out)) if diagnoses.closest.options else ()
+    to = str(out.with_name(f"{out.name}_adapted"))
+    return shlex.join(["girdle", "adapt", *map(str, motions), *model, "--own-bones", *causes, "--out", to])
+
+
+def assess_motions(
+    motions: list[Path], out: Path, models: list[str], weight: float, choose_weight: bool, own_bones: bool
+) -> None:
+    """Adapt, write the files of ``girdle trust`` and print how far the result can be trusted."""
+    table, sets, record = read_inputs(motions, models)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            found = assess_trust(table, sets, weight, choose_weight, report, own_bones)
+        with transaction(folder) as part:
+            write_adaptations(part, found.adaptations)
+            for name in ("uncertainty", "plausibility", "contact"):
+                write_table(getattr(found, name), part / f"{name}.csv")
+            write_table(found.subjects, part / "trust.csv")
+            if found.weights is not None:
+                write_table(found.weights, part / "weights.csv")
+            options = {"weight": weight, "choose_weight": choose_weight, "own_bones": own_bones}
+            write_run(part, "trust", record, options, table.rejected)
+    print_trust(console, found)
+    finish(table, not_adapted(found.adaptations))
+
+
+def compare_muscles(
+    motions: list[Path], out: Path, models: list[str], weight: float, body_mass_kg: float, load_kg: float
+) -> None:
+    """Adapt, write the files of ``girdle muscles`` and print arms and forces before and after."""
+    from adapt.output.muscle_files import write_muscles  # matplotlib takes half a second to load: not for every command
+
+    table, sets, record = read_inputs(motions, models)
+    for one in sets:
+        muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
+    humerus_pose(table)  # and a column without numbers
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = adapt_subjects(table, sets, weight, progress=report)
+            report("muscles")
+            found = muscle_tables(sets, result.fits, result.parameters, body_mass_kg, load_kg, table)
+            report("writing")
+            with transaction(folder) as part:
+                write_adaptations(part, result)
+                write_muscles(part, found)
+                options: dict[str, object] = {"weight": weight, "body_mass_kg": body_mass_kg, "load_kg": load_kg}
+                write_run(part, "muscles", record, options, table.rejected)
+                wrong = write_report(part, table, sets, result, not_adapted(result), muscles=found)
+        print_muscles(console, found)
+        say_report(folder, wrong)
+    finish(table, not_adapted(result))

@@ -1,0 +1,192 @@
+"""What ``girdle fit`` and ``girdle adapt`` do."""
+
+import gc
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from adapt.api import check_own_bones, fit_postures
+from adapt.cli.choices import SIX
+from adapt.cli.commands.known_effects import Known, read_known, say_known
+from adapt.cli.ending import finish, say_report
+from adapt.cli.inputs import (
+    check_angles,
+    load_models,
+    not_empty,
+    read_inputs,
+    subjects_without_set,
+    with_angles,
+    without_subjects,
+)
+from adapt.cli.options import console, errors
+from adapt.cli.terminal.console import progress
+from adapt.cli.terminal.print_tables import (
+    print_heldout,
+    print_own_bones,
+    print_parameters,
+    print_summary,
+    print_without_landmarks,
+)
+from adapt.cli.terminal.print_verdict import print_verdicts
+from adapt.evaluation.held_out import sample
+from adapt.output.adapted_models import OWN_BONES, write_adapted_models
+from adapt.output.large_runs.dask_cluster import on_cluster
+from adapt.output.large_runs.local_processes import on_this_machine
+from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
+from adapt.output.result_files import write_fits, write_report
+from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
+from adapt.solvers.objective import OBJECTIVES
+from adapt.solvers.own_bones.own_adaptation import People, learn_people
+from adapt.solvers.own_bones.own_adaptation import sample as own_sample
+from adapt.solvers.rows import posture_rows
+from adapt.tables.results import Tables
+from models.effects.amplitudes import described
+from models.person.family import AnyModel
+from motions import InputError, MotionStream
+from motions.table import Motions, warn_of_alike_motions
+
+
+def fit_motions(
+    motions: list[Path], out: Path, models: list[str], float32: bool, angles: str, effect: list[str]
+) -> None:
+    """Fit every posture with the models as they are, write the files of ``girdle fit`` and print them."""
+    effects = read_known(effect).effects  # without adaptation there are no thorax points to weigh
+    table, sets, record = read_inputs(motions, models, angles)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = fit_postures(table, sets, report, np.float32 if float32 else np.float64, effects)
+        with transaction(folder) as part:
+            write_fits(part, result)
+            options = {"float32": float32, "angles": angles, "effect": effect}
+            write_run(part, "fit", record, options, table.rejected)
+    print_summary(console, result.summary)
+    say_known(Known(effects))
+    finish(table, failed_subjects(result.fits))
+
+
+@dataclass(frozen=True)
+class AdaptOptions:
+    """The options of ``girdle adapt`` that run.json records, by their names in it."""
+
+    weight: float
+    reading: str
+    float32: bool
+    angles: str
+    effect: list[str]
+    thorax_downweighting: float
+    own_bones: bool
+
+
+def adapt_motions(
+    motions: list[Path],
+    out: Path,
+    named: list[str],
+    asked: AdaptOptions,
+    chunk: int | None = None,
+    dask: str = "",
+    tables: bool = False,
+) -> None:
+    """Adapt the models to each subject, write the files of ``girdle adapt`` and print what they are worth.
+
+    named: the models, as ``--model`` and ``--models-of`` name them. chunk: subjects worked on at a time. dask: the
+    address of a scheduler. tables: print the tables too.
+    """
+    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
+    _check_objective(asked.reading)
+    check_angles(asked.angles)
+    known = read_known(asked.effect, asked.thorax_downweighting)
+    record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
+    missing = subjects_without_set(models, files.subjects)
+    subjects = tuple(name for name in files.subjects if name not in missing)
+    size = chunk or max(1, LANES // len(models))
+    shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
+    held_out, less = sample(subjects), known.thorax_downweighting
+    people = None
+    if asked.own_bones:
+        check_own_bones(known.effects, asked.reading, less)
+        people = _people(files, missing, subjects, models, known, asked.angles)
+    work = Work(tuple(models), asked.weight, asked.reading, shown, held_out, asked.float32, known.effects, less, people)
+    maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
+    chunks = _chunks(files, missing, asked.angles, size)  # bad input is found before a folder is made for it
+    options: dict[str, object] = asdict(asked)
+    with results_folder(out) as folder:
+        parts = Parts(folder, run_key(record, options | {"chunk": size}))
+        with progress(errors) as report:
+            table = parts.make(work, chunks, maker, report)
+            report("writing")
+            with transaction(folder) as part:
+                result, failed = parts.merge(part, work)
+                write_adapted_models(part, models, result.parameters, _in_words(work, asked.angles, known))
+                table = replace(table, rejected=(*files.rejected, *missing.values()))
+                write_run(part, "adapt", record, options, table.rejected)
+                wrong = write_report(
+                    part,
+                    table,
+                    models,
+                    result.select(table.subjects),
+                    failed,
+                    sampled_from=len(subjects),
+                    active_effects=described(known.effects),
+                    thorax_downweighting=less,
+                )
+        _print_results(result, work, known, tables=tables)
+        say_report(folder, wrong)
+    finish(table, failed)
+
+
+def _check_objective(reading: str) -> None:
+    if reading not in OBJECTIVES:
+        raise InputError("--objective", None, f"unknown variant '{reading}'", f"Use one of {', '.join(OBJECTIVES)}")
+
+
+def _chunks(files: MotionStream, missing: dict[str, InputError], angles: str, size: int) -> Iterator[Motions]:
+    """Read so many subjects at a time, the first at once."""
+    parts = (without_subjects(part, missing) for part in files.in_chunks(size))
+    chunks = (one for one in (with_angles(part, angles) for part in parts) if len(one.posture))
+    first = not_empty(next(chunks, None), angles)
+    warn_of_alike_motions(first, "the motions")
+    return chain([first], chunks)
+
+
+def _in_words(work: Work, angles: str, known: Known) -> str:
+    """How the models were adapted."""
+    of_angles = [] if angles == SIX else [f"{angles} angles"]
+    own_bones = [] if work.people is None else [OWN_BONES]
+    return ", ".join([f"w = {work.weight:g}", f"objective {work.reading}", *of_angles, *own_bones, *known.texts])
+
+
+def _print_results(result: Tables, work: Work, known: Known, *, tables: bool) -> None:
+    if tables:
+        _print_tables(result)
+    if work.people is not None:
+        print_own_bones(console, result.parameters)
+    say_known(known)
+    if OBJECTIVES[work.reading].landmarks:
+        print_without_landmarks(console, result.parameters)
+    print_verdicts(console, result)
+
+
+def _people(
+    files: MotionStream,
+    missing: dict[str, InputError],
+    subjects: Sequence[str],
+    models: list[AnyModel],
+    known: Known,
+    angles: str,
+) -> People:
+    """Learn how the persons of the whole run differ, so that no part depends on how many there are."""
+    chosen = list(own_sample(subjects))
+    parts = (without_subjects(part, missing) for part in files.in_chunks(LANES))
+    motions = with_angles(Motions.concatenate([part.select(np.isin(part.subject, chosen)) for part in parts]), angles)
+    with progress(errors) as report:
+        report("how persons differ")
+        return learn_people(posture_rows(motions, known.effects), models)
+
+
+def _print_tables(result: Tables) -> None:
+    print_summary(console, result.summary)
+    print_parameters(console, result.parameters)
+    print_heldout(console, result.heldout, len(set(result.parameters["subject"])))

@@ -1,0 +1,73 @@
+"""What ``girdle models``, ``girdle effects`` and ``girdle simulate`` do."""
+
+from pathlib import Path
+
+import numpy as np
+
+from adapt.cli.choices import NO_EFFECT
+from adapt.cli.options import console, errors
+from adapt.cli.terminal.console import progress
+from adapt.model_subjects import simulate_model_subjects
+from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
+from models import load_model, model_names
+from models.effects import EFFECTS, Effect
+from models.effects.amplitudes import OPTION, effect_named
+from models.effects.course import FULL_ELEVATION_DEG, OverElevation
+from motions import write_motions
+
+NO_UNIT = "1"
+"""Of an effect that has none."""
+
+
+def print_models() -> None:
+    """Print the parameter sets, one line each."""
+    for name in model_names():
+        girdle = load_model(name).girdle
+        axes = ", ".join(f"{a:.0f}" for a in girdle.semi_axes_mm)
+        console.print(
+            f"{name:22} clavicle {float(np.linalg.norm(girdle.ac_mm)):.0f} mm, semi-axes ({axes}) mm, "
+            f"conoid {float(girdle.conoid_length_mm):.1f} mm",
+            soft_wrap=True,
+        )
+
+
+def simulate_subjects(out: Path, model: str, effect: str, subjects: int, noise_deg: float, seed: int) -> None:
+    """Simulate subjects and write the files of ``girdle simulate``."""
+    hidden = None if effect == NO_EFFECT else effect_named(effect, OPTION, NO_EFFECT)
+    record, parameters = inputs_record([], [model]), load_model(model)
+    options = {"effect": effect, "subjects": subjects, "noise_deg": noise_deg, "seed": seed}
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            report("simulating")
+            result = simulate_model_subjects(parameters, hidden, subjects, noise_deg, seed)
+        with transaction(folder) as part:
+            write_motions(result.motions, part / "motions.csv")
+            write_table(result.truth, part / "truth.csv")
+            write_run(part, "simulate", record, options)
+    console.print(
+        f"{len(result.motions.posture)} simulated postures of {subjects} subjects in {folder / 'motions.csv'}"
+    )
+
+
+def print_effects() -> None:
+    """Print the candidate effects, one line each."""
+    for one in EFFECTS.values():
+        scale = " / ".join(f"{value:.2g}" for value in one.prior.scale)
+        option = f"{OPTION} {one.name}={_places(one)} in {_unit(one)}"
+        size = scale if one.size_unit == NO_UNIT else f"{scale} {one.size_unit}"
+        console.print(f"{one.name:28} {one.what}; size {size}; {option}", soft_wrap=True)
+
+
+def _places(effect: Effect) -> str:
+    """Where the amplitude of each direction stands: 'ALONG,UP,BACK'."""
+    return ",".join(direction.upper().replace(" ", "_") for direction in effect.directions)
+
+
+def _unit(effect: Effect) -> str:
+    """The unit of an amplitude in words; of an effect over elevation, where it holds."""
+    over = isinstance(effect.course, OverElevation)
+    if effect.unit == NO_UNIT:
+        return "no unit"
+    if effect.unit.startswith("of "):
+        return f"parts {effect.unit}"
+    return f"{effect.unit}, at {FULL_ELEVATION_DEG:g} degrees of elevation" if over else effect.unit

@@ -1,0 +1,33 @@
+"""What the options of ``girdle convert`` and ``girdle model`` say of a file of landmarks."""
+
+import numpy as np
+
+from motions.errors import InputError, named
+from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.sampled_postures import Labels
+from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
+from motions.motion_csv.cells import SIDES
+
+
+def asked_labels(
+    subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str, gh_from_ac: str = ""
+) -> Labels:
+    """Make the labels of what the options say. InputError that names the option with a word that is none."""
+    if side not in SIDES:
+        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
+    rotation = named(aa_to_ac, ROTATIONS, "--aa-to-ac", "rotation") if aa_to_ac else None
+    offset = named(sc_from_ij, OFFSETS, "--sc-from-ij", "offset") if sc_from_ij else None
+    gh = named(gh_from_ac, GH_OFFSETS, "--gh-from-ac", "offset") if gh_from_ac else None
+    return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset, gh)
+
+
+def _elevations(at: str) -> tuple[float, ...]:
+    """The numbers of --at, each once, from low to high."""
+    try:
+        found = tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
+    except ValueError:
+        found = (np.nan,)
+    if not all(0.0 <= elevation <= 180.0 for elevation in found):
+        cause = f"'{at}' is not a list of elevations"
+        raise InputError("--at", None, cause, "Give degrees from 0 to 180 separated by commas, as in --at 30,60,90")
+    return found
