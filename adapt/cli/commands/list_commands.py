@@ -7,7 +7,7 @@ import typer
 
 from adapt.cli.options import Out, Repeat, console, errors
 from adapt.cli.terminal.print_tables import progress
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from models import load_model, model_names
 from models.effects import EFFECTS, Effect
