@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
     from adapt.diagnosis import Diagnosis, diagnose
-    from adapt.model_subjects import Simulated, simulate_model_subjects
+    from adapt.evaluation.model_subjects import Simulated, simulate_model_subjects
     from adapt.trust.assessment import Trust, assess_trust
 
 __all__ = [
@@ -28,7 +28,7 @@ __all__ = [
 _HOMES = {
     "adapt.api": ("Adaptations", "PostureFits", "adapt_subjects", "fit_postures"),
     "adapt.diagnosis": ("Diagnosis", "diagnose"),
-    "adapt.model_subjects": ("Simulated", "simulate_model_subjects"),
+    "adapt.evaluation.model_subjects": ("Simulated", "simulate_model_subjects"),
     "adapt.trust.assessment": ("Trust", "assess_trust"),
 }
 

@@ -14,10 +14,10 @@ from adapt.engine.batching import as_type, take_problems
 from adapt.evaluation.covariance import Uncertainty, uncertainty, with_posterior
 from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
 from adapt.evaluation.position_check import Judge, adapted_to_all, as_they_are
+from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT, check_weight, down_weighted
-from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold, motions_and_thirds, motions_or_thirds
@@ -156,7 +156,7 @@ def adapt_subjects(
     k times as large does.
 
     ``own_bones``: adapt bones and frames of each person's own beside the six parameters, as far as people differ
-    (``adapt.solvers.own_bones``), in place of min E within bounds, in float64. True; or other SDs by name
+    (``adapt.own_bones``), in place of min E within bounds, in float64. True; or other SDs by name
     (``models.person.own_bones``); or what ``learn_people`` has learnt from other motions. Where these bones do not
     predict a person's own motions or are not found, the plain adaptation is kept (``adapt.evaluation.own_or_plain``):
     column ``own_bones``.

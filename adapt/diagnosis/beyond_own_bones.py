@@ -1,4 +1,4 @@
-"""The null that every cause is held against: people have bones of their own (``adapt.solvers.own_bones``).
+"""The null that every cause is held against: people have bones of their own (``adapt.own_bones``).
 
 A cause is named if it predicts what bones of each person's own do not. With a set of causes V, their sizes from other
 persons on other motions,
@@ -32,7 +32,7 @@ from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities
 from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size, own_effects
 from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
-from adapt.solvers.own_bones.own_adaptation import People, learn_people
+from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import MOTION, PERSON, Fold, motions_and_persons, motions_and_thirds
 from models.effects import Effect

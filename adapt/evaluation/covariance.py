@@ -35,8 +35,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.evaluation.curvature import Curvature, curvature
+from adapt.own_bones.own_adaptation import HERE, OwnBones
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.own_bones.own_adaptation import HERE, OwnBones
 from adapt.solvers.problems import Problems
 from models.adapted_parameters import ADAPTED
 from motions.rotations import DEG

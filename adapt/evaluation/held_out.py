@@ -13,10 +13,10 @@ from numpy.typing import DTypeLike
 from adapt.engine.batching import as_type, take_problems
 from adapt.evaluation.own_or_plain import Persons, own_bones, own_or_plain
 from adapt.evaluation.predictions import Adapt, Places, Unseen, gaps_of, predicted, unseen_angles
+from adapt.own_bones.own_adaptation import OwnBones, People, spread_of, with_landmarks
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT
-from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of, with_landmarks
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution

@@ -14,16 +14,16 @@ from jaxtyping import Bool, Int
 
 from adapt.engine.batching import take_problems, with_problems
 from adapt.evaluation.predictions import Places, gaps_of, predicted, unseen_angles
-from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.own_bones.own_adaptation import (
+from adapt.own_bones.own_adaptation import (
     DO_NOT_PREDICT,
     NOT_CONVERGED,
     OwnBones,
     adapt_own_bones,
     with_own_noise,
 )
-from adapt.solvers.own_bones.scales import Scales
+from adapt.own_bones.scales import Scales
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.problems import Problems, select_problems
 from models.adapted_parameters import ADAPTED
 from models.person.own_bones import Spread

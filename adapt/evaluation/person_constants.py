@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems
-from adapt.solvers.own_bones.own_adaptation import spread_of
+from adapt.own_bones.own_adaptation import spread_of
 from models.girdle import NUMBERS
 from models.person.family import AnyModel
 from models.person.positions.landmark_positions import ON_SCAPULA, POSITIONS, BonePoses, positions_mm

@@ -12,8 +12,8 @@ import pandas as pd
 from jaxtyping import Float
 
 from adapt.output.run_files import prepare_folder
+from adapt.own_bones.own_adaptation import HERE, WORDS
 from adapt.solvers import status
-from adapt.solvers.own_bones.own_adaptation import HERE, WORDS
 from adapt.tables.results import OWN_WORD
 from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, HALF_WIDTHS_MM
 from models.export.toml import parameters_toml

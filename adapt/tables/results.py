@@ -16,9 +16,9 @@ import orjson
 import pandas as pd
 from jaxtyping import Float, Shaped
 
+from adapt.own_bones.own_adaptation import OwnBones
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.own_bones.own_adaptation import OwnBones
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import NOTHING, by_subject

@@ -16,7 +16,7 @@ from adapt.cli.commands import assess_runs as cli
 from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.diagnosis.texts.wording import sentence
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.output.diagnosis_figures import FIGURES, figures
 from adapt.output.written_files import LIST
 from models import load_model

@@ -8,7 +8,7 @@ import pytest
 from meshes import write_stl
 from scipy.spatial import ConvexHull
 
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from models import load_model
 from models.girdle import Girdle
 from models.parameter_sets import FOLDER

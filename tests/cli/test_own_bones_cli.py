@@ -11,8 +11,8 @@ from command import SHIPPED, Ended, girdle, refused, shipped_lines, written
 from oracles import cardan, ellipsoid_distance
 from pages import data_of
 
+from adapt.own_bones import most_probable
 from adapt.report.bone_positions import POINTS
-from adapt.solvers.own_bones import most_probable
 from adapt.solvers.posture_fits import fit_batch
 from models import load_model
 from models.adapted_parameters import ADAPTED

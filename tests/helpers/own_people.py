@@ -13,8 +13,8 @@ from own_girdles import OWN, with_sizes
 
 from adapt import adapt_subjects
 from adapt.api import Adaptations
-from adapt.solvers.own_bones.own_adaptation import People
-from adapt.solvers.own_bones.scales import Scales
+from adapt.own_bones.own_adaptation import People
+from adapt.own_bones.scales import Scales
 from adapt.solvers.posture_fits import fit_batch
 from models import load_model
 from models.adapted_parameters import ADAPTED

@@ -10,7 +10,7 @@ from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.search import Search, search_of
-from adapt.model_subjects import Simulated, simulate_model_subjects
+from adapt.evaluation.model_subjects import Simulated, simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
 from motions.table import ANGLES, Motions

@@ -44,7 +44,7 @@ ONLY_IN = {
 """Packages of others that only these rooms import: a web page does not print, a solver does not draw. matplotlib makes
 figures of results and the window of `girdle contour`."""
 
-WITHOUT_PANDAS = ("models", "adapt.engine", "adapt.solvers", "adapt.diagnosis")
+WITHOUT_PANDAS = ("models", "adapt.engine", "adapt.solvers", "adapt.own_bones", "adapt.diagnosis")
 """Typed arrays inside, tables at the edge."""
 
 NEVER_AT_RUN_TIME = ("casadi", "hypothesis", "jaxopt", "opensim", "pytest", "scripts", "tests")

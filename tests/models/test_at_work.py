@@ -10,7 +10,7 @@ from command import girdle, refused
 
 from adapt import Adaptations, adapt_subjects, fit_postures
 from adapt.diagnosis import diagnose
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
 from models.effects.amplitudes import PersonalSize, active_effects, as_option, described, read_amplitudes, rounded

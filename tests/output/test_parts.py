@@ -27,7 +27,7 @@ from adapt.output.large_runs.parts import Chunks, Parts, Work, one_after_another
 from adapt.output.large_runs.table_arrays import as_rows, as_table
 from adapt.output.publishing import UNFINISHED
 from adapt.output.run_files import inputs_record, run_key
-from adapt.solvers.own_bones.own_adaptation import learn_people
+from adapt.own_bones.own_adaptation import learn_people
 from adapt.solvers.rows import posture_rows
 from adapt.tables.held_out import NOTHING
 from models import load_model

@@ -7,7 +7,7 @@ import pytest
 
 from adapt.api import adapt_subjects
 from adapt.cli.inputs import subjects_without_set
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.solvers.problems import sets_of
 from models import load_model
 from models.adapted_parameters import ADAPTED

@@ -8,7 +8,7 @@ import pytest
 from oracles import bones
 from own_girdles import OWN, numbers, with_sizes
 
-from adapt.solvers.own_bones.own_adaptation import OwnBones
+from adapt.own_bones.own_adaptation import OwnBones
 from adapt.tables.results import FAR_SDS, UNTOLD, own_columns
 from models import load_model, model_names
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM

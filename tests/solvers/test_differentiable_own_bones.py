@@ -12,8 +12,8 @@ from adapt import adapt_subjects
 from adapt.differentiable import AdaptedSubject, OwnPrior, adapt_subject
 from adapt.differentiable.errors_of_subject import problem_of
 from adapt.engine.batching import take_problems
-from adapt.solvers.own_bones.own_adaptation import People
-from adapt.solvers.own_bones.scales import Scales
+from adapt.own_bones.own_adaptation import People
+from adapt.own_bones.scales import Scales
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.person.own_bones import SIZES

@@ -16,12 +16,12 @@ from scipy.optimize import minimize_scalar
 from adapt import adapt_subjects, fit_postures
 from adapt.api import Adaptations
 from adapt.evaluation import own_or_plain
-from adapt.solvers.objective import WEIGHT
-from adapt.solvers.own_bones import own_adaptation
-from adapt.solvers.own_bones.own_adaptation import People
-from adapt.solvers.own_bones.scales import (
+from adapt.own_bones import own_adaptation
+from adapt.own_bones.own_adaptation import People
+from adapt.own_bones.scales import (
     Scales,
 )
+from adapt.solvers.objective import WEIGHT
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects.amplitudes import PersonalSize

@@ -11,7 +11,7 @@ from adapt import adapt_subjects
 from adapt.api import Adaptations
 from adapt.evaluation.own_or_plain import _parts
 from adapt.output.large_runs.parts import not_adapted
-from adapt.solvers.own_bones import most_probable
+from adapt.own_bones import most_probable
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from motions import Motions, read_motions

@@ -12,8 +12,8 @@ from own_people import NOISE_DEG, R2, adapted, of_subject, simulated
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
-from adapt.solvers.own_bones.own_adaptation import learn_people
-from adapt.solvers.own_bones.scales import (
+from adapt.own_bones.own_adaptation import learn_people
+from adapt.own_bones.scales import (
     LOG_NOISE_SD,
     SCALE_SD,
     TYPICAL_NOISE_DEG,
@@ -21,7 +21,7 @@ from adapt.solvers.own_bones.scales import (
     Scales,
     minus_two_log_likelihood,
 )
-from adapt.solvers.own_bones.scales import learnt as scales_of_runs
+from adapt.own_bones.scales import learnt as scales_of_runs
 from adapt.solvers.rows import posture_rows
 from models.person.own_bones import GROUPS, SIZES
 from motions import Motions

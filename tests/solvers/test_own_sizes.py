@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adapt import adapt_subjects
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT
 from models import load_model
 from models.effects import EFFECTS

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from adapt.solvers.own_bones.scales import Moments, are_known
+from adapt.own_bones.scales import Moments, are_known
 from models.person.own_bones import SIZES
 
 

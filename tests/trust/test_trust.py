@@ -22,7 +22,7 @@ from adapt.evaluation.covariance import (
     within_bounds,
 )
 from adapt.evaluation.held_out import held_out
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.output.written_files import LIST
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch, adapted_from

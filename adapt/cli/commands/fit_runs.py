@@ -38,9 +38,9 @@ from adapt.output.large_runs.local_processes import on_this_machine
 from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
 from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
+from adapt.own_bones.own_adaptation import People, learn_people
+from adapt.own_bones.own_adaptation import sample as own_sample
 from adapt.solvers.objective import OBJECTIVES
-from adapt.solvers.own_bones.own_adaptation import People, learn_people
-from adapt.solvers.own_bones.own_adaptation import sample as own_sample
 from adapt.solvers.rows import posture_rows
 from adapt.tables.results import Tables
 from models.effects.amplitudes import described

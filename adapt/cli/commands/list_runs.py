@@ -7,7 +7,7 @@ import numpy as np
 from adapt.cli.choices import NO_EFFECT
 from adapt.cli.options import console, errors
 from adapt.cli.terminal.console import progress
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from models import load_model, model_names
 from models.effects import EFFECTS, Effect

@@ -11,7 +11,6 @@ from rich.console import Console
 
 from adapt.cli.terminal.console import folding_table
 from adapt.solvers import status
-from adapt.solvers.own_bones.own_adaptation import DO_NOT_PREDICT, NOT_CONVERGED, WORDS
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import by_model, by_subject
 from adapt.tables.results import ALL_MOTIONS, OWN_SCALES, OWN_WORD, STATISTICS, parameter_statistics

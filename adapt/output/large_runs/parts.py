@@ -18,8 +18,8 @@ import pandas as pd
 from adapt.api import Adaptations, adapt_subjects, simulated_positions
 from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
 from adapt.output.publishing import UNFINISHED
+from adapt.own_bones.own_adaptation import NOT_CONVERGED, WORDS, People
 from adapt.solvers import status
-from adapt.solvers.own_bones.own_adaptation import NOT_CONVERGED, WORDS, People
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.positions_table import NO_POSITIONS, POSITIONS_FILE, with_positions
 from adapt.tables.results import OWN_WORD, Tables, as_csv

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from adapt import adapt_subjects
 from adapt.cli import app as cli
 from adapt.engine.compilation_cache import keep_compiled
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.output.svg import svg
 from models import ParameterSet, load_model
 from models.effects import EFFECTS, Effect

@@ -21,8 +21,8 @@ from jaxtyping import Float, Int
 
 from adapt.engine.batching import take_problems
 from adapt.evaluation.predictions import gaps_of, unseen_angles
+from adapt.own_bones.own_adaptation import OwnBones, adapt_own_bones, spread_of, with_own_noise
 from adapt.solvers.objective import WEIGHT
-from adapt.solvers.own_bones.own_adaptation import OwnBones, adapt_own_bones, spread_of, with_own_noise
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, posture_rows
 from models import ParameterSet, load_model, model_names

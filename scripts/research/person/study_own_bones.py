@@ -34,10 +34,10 @@ from jaxtyping import Bool, Float
 from adapt import Adaptations, adapt_subjects, simulate_model_subjects
 from adapt.evaluation.person_constants import Chains, distances_mm
 from adapt.evaluation.position_check import Judge, adapted_to_folds, in_folds, of_motions
+from adapt.own_bones.own_adaptation import HERE, WORDS
+from adapt.own_bones.own_adaptation import People as LearntPeople
+from adapt.own_bones.scales import Scales
 from adapt.solvers import status
-from adapt.solvers.own_bones.own_adaptation import HERE, WORDS
-from adapt.solvers.own_bones.own_adaptation import People as LearntPeople
-from adapt.solvers.own_bones.scales import Scales
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.held_out import by_model
 from adapt.tables.results import FAR_SDS, OWN_WORD

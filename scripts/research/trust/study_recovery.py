@@ -28,7 +28,7 @@ import typer
 
 from adapt.cli import app as cli
 from adapt.evaluation.covariance import NORMAL_95, sd, uncertainty
-from adapt.model_subjects import simulate_model_subjects
+from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.output.run_files import prepare_folder, write_table
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch

@@ -27,14 +27,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems, where_problems, with_problems
-from adapt.solvers.newton.elimination import STEP_LIMIT_RAD
-from adapt.solvers.own_bones.posture_steps import (
+from adapt.own_bones.posture_steps import (
     Eliminated,
     Postures,
     eliminate,
     own_steps,
     violations_mm,
 )
+from adapt.solvers.newton.elimination import STEP_LIMIT_RAD
 from adapt.solvers.projection.damped_steps import Steps, until_ended
 from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers, strengths_rows
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad

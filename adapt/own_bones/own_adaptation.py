@@ -17,9 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt.engine.batching import put_problems, take_problems
-from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted
-from adapt.solvers.own_bones.most_probable import (
+from adapt.own_bones.most_probable import (
     STARTS_MM,
     Posterior,
     Prior,
@@ -28,7 +26,9 @@ from adapt.solvers.own_bones.most_probable import (
     persons_first,
     staged,
 )
-from adapt.solvers.own_bones.scales import PRIOR, Moments, Scales, are_known, informative, learnt, moments
+from adapt.own_bones.scales import PRIOR, Moments, Scales, are_known, informative, learnt, moments
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
