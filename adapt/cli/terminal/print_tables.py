@@ -10,6 +10,7 @@ import pandas as pd
 from rich.console import Console
 
 from adapt.cli.terminal.console import folding_table
+from adapt.own_bones.own_adaptation import DO_NOT_PREDICT, NOT_CONVERGED, WORDS
 from adapt.solvers import status
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import by_model, by_subject
