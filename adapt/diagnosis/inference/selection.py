@@ -7,6 +7,7 @@ from typing import NamedTuple
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.positions.position_evidence import given_by_positions
 from adapt.diagnosis.inference.alternatives import MOVES, CredibleSet, credible_set
+from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
 from models.effects.effect import cause_of
@@ -72,15 +73,17 @@ def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[
 def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float]) -> Hypothesis:
     """Keep what stands though all persons do something alike that no cause explains: what is known and what was
     ``seen``; and, where the best set leaves less than half, what is probably at work whatever else is, and is not a
-    movement, of which angles tell which constraint gives way and not what moves. Where angles contradict the landmarks,
-    only what is known."""
+    movement, of which angles tell which constraint gives way and not what moves, nor larger than such an effect is: it
+    takes the place of what is not explained. Where angles contradict the landmarks, only what is known."""
     known = set(map(cause_of, search.known))
     if angles_contradict_landmarks(search):
         return tuple(name for name in named if cause_of(name) in known)
     little = search.left_over_share <= _MOST_LEFT_OVER
     sure = {*seen, *known}
     if little:
-        sure |= {cause for cause, p in inclusion.items() if p >= LEAST_PROBABILITY and cause not in MOVES}
+        sizes = amplitudes(search, named, seen)
+        physical = {cause_of(name) for name, one in sizes.items() if not one.too_large}
+        sure |= {cause for cause in physical - set(MOVES) if inclusion[cause] >= LEAST_PROBABILITY}
     return tuple(name for name in named if cause_of(name) in sure)
 
 
