@@ -20,6 +20,7 @@ from diagnoses import (
 )
 
 from adapt.diagnosis.result import EFFECT, Gaps, Interval, Noise
+from adapt.diagnosis.texts.cause_sentences import measure_next
 from adapt.diagnosis.texts.notes import notes
 from adapt.diagnosis.texts.wording import (
     MOST_WORDS,
@@ -182,3 +183,10 @@ def test_the_notes_say_where_the_noise_comes_from(source, said):
 def test_all_causes_go_together_into_one_adaptation():
     assert all(name in notes(MANY)[-1] for name in MANY.verdict.names)
     assert notes(MANY)[-1].endswith("--effects-of FOLDER, the folder of this diagnosis.")
+
+
+def test_nothing_is_asked_for_that_is_told_apart_as_it_is():
+    """A log evidence of 4 is a probability of 0.98."""
+    told = replace(ONE, next_measurement=[replace(one, separation_now=4.0) for one in ONE.next_measurement])
+    assert any("tells ac_translation from conoid_strain" in one for one in measure_next(ONE))
+    assert not any("tells" in one for one in measure_next(told))

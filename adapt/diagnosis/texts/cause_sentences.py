@@ -132,6 +132,10 @@ def _takes(diagnosis: Diagnosis, name: str) -> str:
 _POSITIONS = "positions of SC and AC in every posture (girdle convert writes them): joints that move show there"
 
 
+_TOLD_APART = 0.95
+"""Probability of the right one of two names, from which more of the same gains little."""
+
+
 def measure_next(diagnosis: Diagnosis) -> list[str]:
     """Say what to measure next, the best choice first and a second one; empty where nothing beyond noise is left."""
     proposals = _distinct(diagnosis)
@@ -143,10 +147,11 @@ def measure_next(diagnosis: Diagnosis) -> list[str]:
 
 
 def _distinct(diagnosis: Diagnosis) -> list[Proposal]:
-    """The best proposal of each kind: people, motion, landmarks."""
+    """The best proposal of each kind: people, motion, landmarks; none for names that are told apart as it is."""
     kept: dict[str, Proposal] = {}
     for one in diagnosis.next_measurement:
-        kept.setdefault(one.what.split()[0], one)
+        if one.probabilities[0] < _TOLD_APART:
+            kept.setdefault(one.what.split()[0], one)
     return list(kept.values())
 
 
