@@ -27,6 +27,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.candidates import Hypothesis, without
+from adapt.diagnosis.inference.alternatives import FRAMES
 from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -51,12 +52,9 @@ LEAST_PROBABILITY = 0.5
 SURE = 0.8
 """Probability of a constant that all have in common, from which it is named."""
 
-_FRAMES = ("clavicle_frame_bias", "scapula_landmark_bias")
-"""Constants that differ between persons as frames do; the others differ as bones do."""
-
 OWN_CONSTANTS = frozenset(
     (
-        *_FRAMES,
+        *FRAMES,
         "clavicle_length",
         "scapula_size",
         "ac_offset",
@@ -66,8 +64,8 @@ OWN_CONSTANTS = frozenset(
         *(effect.name for effect in NUMBER_EFFECTS.values()),
     )
 )
-"""Causes that bones, frames and a thorax of a person's own hold."""
-
+"""Causes that bones, frames and a thorax of a person's own hold; those of ``FRAMES`` differ between persons as frames
+do, the others as bones do."""
 
 _FEW = 4
 """Causes, of which all 16 sets are predicted side by side."""
@@ -247,7 +245,7 @@ class OwnBonesNull:
         between = np.full(len(where), search.discrepancy.between_shoulders)
         for (_, own), cause in zip(candidates.slices(hypothesis), causes, strict=True):
             if cause in OWN_CONSTANTS:
-                between[own] = scales.frames if cause in _FRAMES else scales.bones
+                between[own] = scales.frames if cause in FRAMES else scales.bones
         evidence = at.evidence._replace(between=between)
         given = evidence.given(where, at.amplitude, candidates.mean[where], candidates.scale[where])
         (own,) = (place for effect, place in candidates.slices(hypothesis) if effect.name == name)

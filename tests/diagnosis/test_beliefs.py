@@ -13,6 +13,7 @@ from adapt.diagnosis import diagnose
 from adapt.diagnosis.fit.discrepancy import NOTHING_OF, Belief
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference import selection
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import angles_contradict_landmarks, standing
 from adapt.diagnosis.inference.weights import weigh
@@ -81,6 +82,8 @@ def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch
     assert after(2.9) == (spin,)
     assert after(2.9, frozenset({gap})) == (spin, gap)
     monkeypatch.setattr(CauseAmplitude, "too_large", True)
+    assert after(0.5) == (spin, BIAS), "a frame may be turned by any angle"
+    monkeypatch.setattr(selection, "FRAMES", ())
     assert after(0.5) == (spin,)
 
 

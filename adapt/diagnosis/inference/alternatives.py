@@ -47,6 +47,11 @@ MOVES = (*_JOINTS, "conoid_strain", "scapulothoracic_gap")
 """What lets a constraint of the chain give way along a motion."""
 
 
+FRAMES = ("clavicle_frame_bias", "scapula_landmark_bias")
+"""What turns the frame of a bone in every posture. Laboratories may differ in it by any angle: published zeros of the
+clavicle's axial rotation do by 35 degrees."""
+
+
 def with_what_moves_as_well(sets: Mapping[str, CredibleSet], causes: Mapping[str, str]) -> dict[str, CredibleSet]:
     """Give every joint that is said to move all other names of ``MOVES`` that are candidates and no cause beside it.
 
