@@ -17,7 +17,7 @@ _DIGEST = hashlib.sha256
 
 _ROOT = Path(__file__).parents[2]
 
-_PACKAGES = ("motions", "models", "adapt/engine", "adapt/solvers")
+_PACKAGES = ("motions", "models", "adapt/engine", "adapt/solvers", "adapt/own_bones")
 """What compiled texts are made of: the rooms above import these, and not the other way."""
 
 

@@ -157,7 +157,7 @@ def test_measured_shoulders_are_diagnosed_and_a_broken_file_beside_them_is_remov
     verdict = report.get_by_role("heading", level=1)
     expect(verdict).to_contain_text(f"the gap of {len(shoulders)} shoulders on held-out motions")
     expect(verdict).not_to_contain_text("skin_artefact")
-    expect(report.get_by_text("Each candidate alone")).to_be_visible()
+    expect(report.get_by_role("heading", name="What cannot be told apart")).to_be_visible()
 
 
 def test_broken_files_are_named_and_the_page_lives_on(page, tmp_path):

@@ -435,7 +435,9 @@ def test_on_paper_nothing_is_cut_and_no_control_is_left(look):
     assert pdf.count(b"/Subtype /Image") >= 1, "the 3-D view"
     assert seen.page.evaluate(width) == before, "and back on the screen as it was"
     seen.page.emulate_media(media="print")
-    assert not seen.page.get_by_text("Each candidate alone").first.is_visible(), "what is closed leaves no heading"
+    closed = seen.page.locator("details:not([open]) > summary").all()
+    assert closed
+    assert not any(one.is_visible() for one in closed), "what is closed leaves no heading"
     seen.page.emulate_media(media="screen")
     found, dark = on_paper(seen)
     assert {key: found[key] for key in ("cut", "other_width", "controls", "headings_alone") if found[key]} == {}
