@@ -31,7 +31,6 @@ _SEARCH = {"eps": 1e-2, "maxiter": 25, "maxls": 6}
 """For slopes, differences of a hundredth of an SD: the evidence is smooth but for curves that come and go. At those a
 longer line search ends in vain."""
 
-
 _OF_COMMON_CURVES = ("common_motion_deg", "common_deg", "length_deg")
 _OF_Y = ("noise_deg", "of_motion_deg", "of_shoulder_deg", *_OF_COMMON_CURVES)
 _OF_PLACES = ("noise_deg", "length_deg", *OF_POSITIONS)

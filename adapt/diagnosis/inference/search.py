@@ -141,7 +141,7 @@ class Search:
         missing = {hypothesis: start for hypothesis, start in starts if hypothesis not in self.nodes}
         if missing:
             known = self.nodes[self.known]
-            pairs = [(one, start) for first in (missing, dict.fromkeys(missing, known)) for one, start in first.items()]
+            pairs = [*missing.items(), *((one, known) for one, start in missing.items() if start is not known)]
             thetas = [start.posterior.theta_mm for _, start in pairs]
             amplitudes = [self._amplitude_at(start, hypothesis) for hypothesis, start in pairs]
             for posterior in self._modes([hypothesis for hypothesis, _ in pairs], thetas, amplitudes):
