@@ -178,17 +178,15 @@ class JointFit:
     def from_starts(self) -> End:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
         first = self.model.theta_mm[self.subject]
-        found = [self._without_amplitudes(self._parts, first + start) for start in STARTS_MM]
+        none = np.zeros((0, self.groups))
+        nothing = Shared(np.zeros((0, *self._parts.strengths.shape)), none, none)
+        found = [_minimum(self._parts, nothing, first + start, none) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E
             theta = np.where(lower, other.theta_mm, best.theta_mm)
             best = best._replace(theta_mm=theta, E=np.minimum(best.E, other.E))
         return best
-
-    def _without_amplitudes(self, parts: Parts, theta_mm: Float[np.ndarray, "parts adapted"]) -> End:
-        none = np.zeros((0, self.groups))
-        return _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
 
 
 def _minimum(parts: Parts, shared: Shared, theta_mm, amplitude) -> End:
