@@ -10,9 +10,9 @@ all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over p
 positions show stands.
 
 A constant is one that own bones hold: each person's own predicts as well as one that all have alike. It is named if
-what all have in common of it, a, is beyond how persons differ: their own are N(a, (scale of the group of ``people``
-times SD)^2). The density ratio of Savage and Dickey gives the odds of a, N(0, SD^2), against 0 (Wagenmakers et al.
-2010, Cognitive Psychology 60:158-189).
+what all have in common of it, a, is beyond how persons differ. Their own are N(a, s^2), s the scale of the group of
+``people`` times the SD of persons: of a bone that of the cause, SD. The set is one person too, so without a cause a is
+N(0, s^2), and with one N(0, s^2 + SD^2).
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,6 +41,7 @@ from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
 from models.effects.effect import cause_of
 from models.effects.set_numbers import NUMBER_EFFECTS
 from models.person.family import AnyModel
+from models.person.own_bones import sds_of
 from motions.table import Motions
 
 LEAST_SHARE = 0.1
@@ -244,17 +245,22 @@ class OwnBonesNull:
         where, causes = candidates.where(hypothesis), [candidates.causes[one] for one in hypothesis]
         between = np.full(len(where), search.discrepancy.between_shoulders)
         for (_, own), cause in zip(candidates.slices(hypothesis), causes, strict=True):
-            if cause in OWN_CONSTANTS:
-                between[own] = scales.frames if cause in FRAMES else scales.bones
+            if cause in FRAMES:
+                between[own] = scales.frames * sds_of(FRAMES[cause]) / candidates.scale[where][own]
+            elif cause in OWN_CONSTANTS:
+                between[own] = scales.bones
         evidence = at.evidence._replace(between=between)
         given = evidence.given(where, at.amplitude, candidates.mean[where], candidates.scale[where])
         (own,) = (place for effect, place in candidates.slices(hypothesis) if effect.name == name)
-        before = _log_density_at_0(candidates.mean[where][own], np.diag(candidates.scale[where][own] ** 2))
-        after = []
+        mean, variance = candidates.mean[where][own], candidates.scale[where][own] ** 2
+        of_persons, none, some = between[own] ** 2 * variance, [], []
         for times in search.times:
             a, root = given.amplitude_of(times)
-            after.append(_log_density_at_0(a[own], np.linalg.inv(root @ root.T)[own, own]))
-        return float(probabilities([np.array(after), np.full(len(after), before)])[1])
+            precision = np.linalg.inv(np.linalg.inv(root @ root.T)[own, own])
+            told = precision - np.diag(1.0 / variance), precision @ a[own] - mean / variance
+            none.append(_log_evidence(*told, of_persons))
+            some.append(_log_evidence(*told, of_persons + variance))
+        return float(probabilities([np.array(none), np.array(some)])[1])
 
     def is_constant(self, name: str) -> bool:
         """Tell whether a cause is one that own bones hold, and not known to be at work."""
@@ -275,9 +281,12 @@ class OwnBonesNull:
         return not known and cause_of(name) not in self.seen
 
 
-def _log_density_at_0(mean: Float[np.ndarray, " n"], covariance: Float[np.ndarray, "n n"]) -> float:
-    """But for the powers of 2 pi."""
-    return float(-0.5 * (np.linalg.slogdet(covariance).logabsdet + mean @ np.linalg.solve(covariance, mean)))
+def _log_evidence(
+    precision: Float[np.ndarray, "n n"], slope: Float[np.ndarray, " n"], variance: Float[np.ndarray, " n"]
+) -> float:
+    """Integrate exp(slope a - a' precision a / 2) over a of these variances about 0."""
+    whole = np.eye(len(variance)) + precision * variance
+    return float(0.5 * (slope * variance @ np.linalg.solve(whole, slope) - np.linalg.slogdet(whole).logabsdet))
 
 
 def _standard_error(differences: Float[np.ndarray, " folds"], persons: np.ndarray) -> float:

@@ -27,13 +27,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems, where_problems, with_problems
-from adapt.own_bones.posture_steps import (
-    Eliminated,
-    Postures,
-    eliminate,
-    own_steps,
-    violations_mm,
-)
+from adapt.own_bones.posture_steps import Eliminated, Postures, eliminate, violations_mm
 from adapt.solvers.newton.elimination import STEP_LIMIT_RAD
 from adapt.solvers.projection.damped_steps import Steps, until_ended
 from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers, strengths_rows
@@ -368,7 +362,7 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
     more, less = np.clip(_MORE * damping, _LEAST, _MOST), _LESS * damping * (damping > _LEAST)
     damping = np.where(length < 1.0, more, less)
     du = _lowest(matrix, slope + variance * u, variance, damping)
-    dq, target = own_steps(effects, at, objective.prior.moved_mm(du)[:, part])
+    dq, target = found.at(objective.prior.moved_mm(du)[:, part])
     new = _OfRows(at.angles, at.multipliers, dq, target - at.multipliers, target, found.stiffness)
     longest = objective.largest(np.abs(dq).max(axis=0))
     merit = half_F + objective.sums(_augmented(target, found.stiffness, found.g_mm))

@@ -51,6 +51,14 @@ class Eliminated(NamedTuple):
     stiffness: Float[np.ndarray, "3 rows"]
     unstationary: Float[np.ndarray, " rows"]
     """max |W (q - s) + G' lambda|."""
+    steps: Float[np.ndarray, "both rows"]
+    """Of q (rad), and the new multipliers: where the numbers stay, and a millimetre of each; row by row."""
+
+    def at(self, dx_mm: Float[np.ndarray, "numbers rows"]) -> tuple[np.ndarray, np.ndarray]:
+        """Compute dq (rad) and the new multipliers of every posture for a step of the numbers."""
+        steps = np.ascontiguousarray(self.steps.T).reshape(-1, 9, 1 + _N)
+        found = steps[:, :, 1:] @ np.ascontiguousarray(dx_mm.T)[..., None] + steps[:, :, :1]
+        return found[:, :6, 0].T, found[:, 6:, 0].T
 
 
 def eliminate(effects: tuple[Effect, ...], at: Postures) -> Eliminated:
@@ -58,18 +66,13 @@ def eliminate(effects: tuple[Effect, ...], at: Postures) -> Eliminated:
     return Eliminated(*_elimination_kernel(effects)(*at))
 
 
-def own_steps(effects: tuple[Effect, ...], at: Postures, dx_mm) -> tuple[np.ndarray, np.ndarray]:
-    """Compute dq (rad) and the new multipliers of every posture for a step of the numbers."""
-    return _step_kernel(effects)(*at, dx_mm)
-
-
 def violations_mm(effects: tuple[Effect, ...], at: Postures) -> Float[np.ndarray, "3 rows"]:
     """Compute A1-A3."""
     return _violation_kernel(effects)(at.numbers_mm, at.strengths, at.angles)[0]
 
 
-def _inputs(effects: tuple[Effect, ...], *more: str) -> tuple[str, ...]:
-    return (str(_N), str(channels(effects)[-1] or NO_CHANNELS), "6", "3", "6", "6", *more)
+def _inputs(effects: tuple[Effect, ...]) -> tuple[str, ...]:
+    return str(_N), str(channels(effects)[-1] or NO_CHANNELS), "6", "3", "6", "6"
 
 
 def _kernel(word: str, effects: tuple[Effect, ...], function, inputs: tuple[str, ...], outputs: tuple[str, ...]):
@@ -88,21 +91,13 @@ def _elimination_kernel(effects: tuple[Effect, ...]) -> Kernel:
         M = at.U - at.C.T @ at.K_C + tau.T @ of_S[:, 1:] - (at.T.T * at.stiffness) @ at.T
         entries = jnp.concatenate([M[i, : i + 1] for i in range(_N)])
         rest = jnp.max(jnp.abs(at.right + at.G.T @ multipliers))
-        return slope, entries, at.T.T @ multipliers, at.g, at.stiffness, rest
+        dq = -jnp.concatenate([at.K_right[:, None], at.K_C], axis=1) - at.K_G @ of_S
+        new = of_S - at.stiffness[:, None] * jnp.concatenate([at.g[:, None], at.T], axis=1)
+        steps = jnp.concatenate([dq.ravel(), new.ravel()])
+        return slope, entries, at.T.T @ multipliers, at.g, at.stiffness, rest, steps
 
-    outputs = str(_N), str(_N * (_N + 1) // 2), str(_N), "3", "3", ""
+    outputs = str(_N), str(_N * (_N + 1) // 2), str(_N), "3", "3", "", str(9 * (1 + _N))
     return _kernel("elimination", effects, function, _inputs(effects), outputs)
-
-
-@functools.cache
-def _step_kernel(effects: tuple[Effect, ...]) -> Kernel:
-    def function(numbers, strengths, q, multipliers, s, weights, dx):
-        at = _conditions(effects, numbers, strengths, q, multipliers, s, weights)
-        moved = at.K_C @ dx
-        mu = _solved(at.G @ at.K_G, (at.g - at.G @ at.K_right + at.T @ dx - at.G @ moved)[:, None])[0][:, 0]
-        return -(at.K_right + moved + at.K_G @ mu), mu - at.stiffness * (at.g + at.T @ dx)
-
-    return _kernel("step", effects, function, _inputs(effects, str(_N)), ("6", "3"))
 
 
 @functools.cache

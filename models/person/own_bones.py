@@ -176,6 +176,12 @@ NAMES = tuple(one.name for one in SIZES)
 if NAMES[: len(ADAPTED)] != ADAPTED:
     raise ValueError("SIZES: the adapted parameters first")
 
+
+def sds_of(place: str) -> Float[np.ndarray, " axes"]:
+    """Give the SDs of the sizes along or about the axes of a place or a frame."""
+    return np.array([one.sd for one in SIZES if one.name.rpartition("_")[0] == place])
+
+
 OwnSDs = Mapping[str, float]
 """Other SDs than those of ``SIZES``, in their units, by name; 0 holds a size at the set's."""
 

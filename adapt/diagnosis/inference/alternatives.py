@@ -1,6 +1,7 @@
 """Names that may stand in place of one another: what the data cannot tell apart."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -47,9 +48,9 @@ MOVES = (*_JOINTS, "conoid_strain", "scapulothoracic_gap")
 """What lets a constraint of the chain give way along a motion."""
 
 
-FRAMES = ("clavicle_frame_bias", "scapula_landmark_bias")
-"""What turns the frame of a bone in every posture. Laboratories may differ in it by any angle: published zeros of the
-clavicle's axial rotation do by 35 degrees."""
+FRAMES = MappingProxyType({"clavicle_frame_bias": "clavicle_frame", "scapula_landmark_bias": "scapula_frame"})
+"""What turns the frame of a bone in every posture, and the sizes by which persons differ in it. Laboratories may differ
+by any angle: published zeros of the clavicle's axial rotation do by 35 degrees."""
 
 
 def with_what_moves_as_well(sets: Mapping[str, CredibleSet], causes: Mapping[str, str]) -> dict[str, CredibleSet]:
