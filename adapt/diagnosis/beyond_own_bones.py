@@ -10,9 +10,9 @@ all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over p
 positions show stands.
 
 A constant is one that own bones hold: each person's own predicts as well as one that all have alike. It is named if
-what all have in common of it, a, is beyond how persons differ. Their own are N(a, s^2), s the scale of the group of
-``people`` times the SD of persons: of a bone that of the cause, SD. The set is one person too, so without a cause a is
-N(0, s^2), and with one N(0, s^2 + SD^2).
+what all have in common of it, a, is beyond how persons differ. Their own are N(a, s^2), s the scale that is learnt
+beside the causes, times the SD of persons: of a bone that of the cause, SD. The set is one person too, so without a
+cause a is N(0, s^2), and with one N(0, s^2 + SD^2).
 """
 
 from collections.abc import Mapping, Sequence
@@ -115,16 +115,17 @@ class OwnBonesNull:
     @property
     def people(self) -> People:
         """How these persons differ where no cause is at work."""
-        return self.people_with(())
+        return self.people_with((), ())
 
-    def people_with(self, hypothesis: Hypothesis) -> People:
-        """Learn how these persons differ beside causes: what they take was in nobody's bones."""
+    def people_with(self, hypothesis: Hypothesis, named: Hypothesis) -> People:
+        """Learn how these persons differ beside some of the causes that were named: what they take was in nobody's
+        bones."""
         if hypothesis not in self.learnt:
             rows = self.rows
             if hypothesis:
                 at, slices = self.search.mode(hypothesis), self.search.joint.candidates.slices(hypothesis)
                 sizes: Amplitudes = {effect.name: at.amplitude[own].tolist() for effect, own in slices}
-                rows = posture_rows(self.motions, sizes, self.library)
+                rows = posture_rows(self.motions, no_size(named, self.library) | sizes, self.library)
             self.learnt[hypothesis] = learn_people(rows, [self.model])
         return self.learnt[hypothesis]
 
@@ -158,7 +159,7 @@ class OwnBonesNull:
         each = [effects_of_folds(self.search, one, *laid_out) for one in missing]
         effects = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *each)
         folds, count = self.folds * len(missing), len(self.folds)
-        people = [self.people_with(one) for one in missing for _ in self.folds]
+        people = [self.people_with(one, named) for one in missing for _ in self.folds]
         every = held_out_with_own_bones(rows, self.model, folds, people, effects)
         for k, one in enumerate(missing):
             self.found[one, named] = every.of(np.arange(k * count, (k + 1) * count))
@@ -240,7 +241,7 @@ class OwnBonesNull:
 
     def common(self, name: str, hypothesis: Hypothesis) -> float:
         """Compute how probably all have something in common of a constant of a set, over persons drawn anew."""
-        search, scales = self.search, self.people.everybody[self.model.name]
+        search, scales = self.search, self.people_with(hypothesis, hypothesis).everybody[self.model.name]
         candidates, at = search.joint.candidates, search.mode(hypothesis)
         where, causes = candidates.where(hypothesis), [candidates.causes[one] for one in hypothesis]
         between = np.full(len(where), search.discrepancy.between_shoulders)

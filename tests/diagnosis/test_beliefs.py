@@ -14,6 +14,7 @@ from adapt.diagnosis.fit.discrepancy import NOTHING_OF, Belief
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference import selection
+from adapt.diagnosis.inference.alternatives import JOINTS
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import angles_contradict_landmarks, standing
 from adapt.diagnosis.inference.weights import weigh
@@ -78,9 +79,12 @@ def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch
         return standing(search, named, seen, dict.fromkeys(named, probable))
 
     assert after(0.5) == (spin, BIAS)
-    assert after(0.5, probable=0.7) == (spin,)
+    assert after(0.5, probable=0.8) == (spin,)
     assert after(2.9) == (spin,)
     assert after(2.9, frozenset({gap})) == (spin, gap)
+    assert after(0.5, frozenset(JOINTS)) == named, "both joints are seen to move: what else gives way is told"
+    assert after(0.5, frozenset(JOINTS[:1])) == (spin, BIAS)
+    assert after(2.9, frozenset(JOINTS)) == (spin,)
     monkeypatch.setattr(CauseAmplitude, "too_large", True)
     assert after(0.5) == (spin, BIAS), "a frame may be turned by any angle"
     monkeypatch.setattr(selection, "FRAMES", ())

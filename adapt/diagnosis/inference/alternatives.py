@@ -42,10 +42,10 @@ def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
     return CredibleSet(tuple(names), tuple(kept))
 
 
-_JOINTS = ("ac_translation", "sc_translation")
+JOINTS = ("ac_translation", "sc_translation")
 
-MOVES = (*_JOINTS, "conoid_strain", "scapulothoracic_gap")
-"""What lets a constraint of the chain give way along a motion."""
+MOVES = (*JOINTS, "conoid_strain", "scapulothoracic_gap")
+"""What lets a constraint of the chain give way along a motion: joints, and what is of one constraint alone."""
 
 
 FRAMES = MappingProxyType({"clavicle_frame_bias": "clavicle_frame", "scapula_landmark_bias": "scapula_frame"})
@@ -62,7 +62,7 @@ def with_what_moves_as_well(sets: Mapping[str, CredibleSet], causes: Mapping[str
     named = {one.names[0] for one in sets.values()}
     found = dict(sets)
     for name, one in sets.items():
-        if one.names[0] in _JOINTS:
+        if one.names[0] in JOINTS:
             more = [other for other in MOVES if other in causes.values() and other not in {*one.names, *named}]
             found[name] = CredibleSet((*one.names, *more), (*one.shares, *(0.0 for _ in more)))
     return found

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.positions.position_evidence import given_by_positions
-from adapt.diagnosis.inference.alternatives import FRAMES, MOVES, CredibleSet, credible_set
+from adapt.diagnosis.inference.alternatives import FRAMES, JOINTS, MOVES, CredibleSet, credible_set
 from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -73,9 +73,10 @@ def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[
 def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float]) -> Hypothesis:
     """Keep what stands though all persons do something alike that no cause explains: what is known and what was
     ``seen``; and, where the best set leaves less than half, what is probably at work whatever else is. That is no
-    movement, of which angles tell which constraint gives way and not what moves; nor, but for a frame, what is larger
-    than such an effect is: it takes the place of what is not explained. Where angles contradict the landmarks, only
-    what is known."""
+    movement, of which angles tell which constraint gives way and not what moves, unless both joints were seen to move:
+    what gives way beside them is of one constraint alone. Nor is it, but for a frame, what is larger than such an
+    effect is: it takes the place of what is not explained. Where angles contradict the landmarks, only what is
+    known."""
     known = set(map(cause_of, search.known))
     if angles_contradict_landmarks(search):
         return tuple(name for name in named if cause_of(name) in known)
@@ -84,7 +85,8 @@ def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion
     if little:
         sizes = amplitudes(search, named, seen)
         physical = {cause_of(name) for name, one in sizes.items() if not one.too_large or name in FRAMES}
-        sure |= {cause for cause in physical - set(MOVES) if inclusion[cause] >= LEAST_PROBABILITY}
+        untold = JOINTS if set(JOINTS) <= sure else MOVES
+        sure |= {cause for cause in physical.difference(untold) if inclusion[cause] >= REJECTED}
     return tuple(name for name in named if cause_of(name) in sure)
 
 
