@@ -28,6 +28,7 @@ from jaxtyping import Float
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.inference.alternatives import FRAMES
+from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, TURNED_BY_ESTIMATE
 from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -175,7 +176,7 @@ class OwnBonesNull:
 
     def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
         """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
-        chosen = tuple(name for name in named if not self.is_constant(name) or self.common(name, named) >= SURE)
+        chosen = tuple(name for name in named if not self.is_constant(name) or self._is_common(name, named))
         while held := [name for name in chosen if self.is_held(name)]:
             self.predict([chosen, *(without(chosen, name) for name in held)], named)
             gaps = {name: self._mean(without(chosen, name), named) for name in held}
@@ -238,6 +239,11 @@ class OwnBonesNull:
 
     def _mean(self, hypothesis: Hypothesis, named: Hypothesis) -> float:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
+
+    def _is_common(self, name: str, named: Hypothesis) -> bool:
+        """Tell whether all have something in common of a constant that no computed axial rotation brings with it."""
+        is_its_zero = cause_of(name) == TURNED_BY_ESTIMATE and ESTIMATE in self.search.known
+        return not is_its_zero and self.common(name, named) >= SURE
 
     def common(self, name: str, hypothesis: Hypothesis) -> float:
         """Compute how probably all have something in common of a constant of a set, over persons drawn anew."""

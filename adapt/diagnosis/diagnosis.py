@@ -181,7 +181,7 @@ class _Study:
             sets = with_what_moves_as_well(sets, candidates.causes)
         causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
         constants = tuple(filter(null.is_constant, other))
-        against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected)
+        against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected, search.known)
         shown = with_causes if tested else adapted
         verdict = self._verdict(causes, weights, gaps, shown, noise, against, rejected)
         others = null.unseen(kept, other) if gaps.other_person else None

@@ -1,8 +1,10 @@
 """Why a probable cause is not named: by where it was left out."""
 
+from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
 from adapt.diagnosis.inference.not_named import (
     LEFT_OVER,
     NOT_NEEDED,
+    OF_ESTIMATE,
     OWN_BONES_DO,
     PERSONS_DIFFER,
     why_not_named,
@@ -24,6 +26,8 @@ def test_the_reason_is_the_step_at_which_a_cause_was_left_out():
     assert GAP not in why_not_named(inclusion, causes, named, (f"{GAP}:posture",), (SPIN,), unexplained=False)
     rejected = why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=True)
     assert set(rejected.values()) == {LEFT_OVER}
+    computed = why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=True, known=(ESTIMATE,))
+    assert computed == rejected | {SPIN: OF_ESTIMATE}
 
 
 def test_a_cause_that_is_hardly_at_work_in_any_set_is_not_named():

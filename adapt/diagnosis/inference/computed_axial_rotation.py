@@ -33,6 +33,9 @@ from motions.table import ANGLES
 
 ESTIMATE = "clavicle_axial_estimate"
 
+TURNED_BY_ESTIMATE = "clavicle_frame_bias"
+"""A computed rotation begins at a rest of its own: the clavicle's frame is turned by as much in every posture."""
+
 AXIAL = ANGLES.index("clavicle_x")
 
 _LEAST_NOISE = 1.0 / 3.0

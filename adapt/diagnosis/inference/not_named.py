@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 
 from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, TURNED_BY_ESTIMATE
 from adapt.diagnosis.inference.selection import LEAST_PROBABILITY
 
 NOT_NEEDED = "the causes that are named do without it"
 OWN_BONES_DO = "bones of each person's own predict unseen motions as well"
 LEFT_OVER = "beside it all persons do something alike that no cause of the list explains"
+OF_ESTIMATE = "a computed axial rotation has a zero of its own"
 PERSONS_DIFFER = "persons differ in it by as much as they have in common"
 
 
@@ -18,18 +20,22 @@ def why_not_named(
     kept: Hypothesis,
     constants: Hypothesis,
     unexplained: bool,
+    known: Hypothesis = (),
 ) -> dict[str, str]:
     """Say of each cause that is probably at work and not named what speaks against it.
 
     ``causes``: of the effects; ``named``: before, ``kept``: after they were held against bones of each person's own;
-    ``constants``: which of them are the same in every posture; ``unexplained``: the best set is rejected.
+    ``constants``: which of them are the same in every posture; ``unexplained``: the best set is rejected; ``known``: to
+    be at work.
     """
     before, after, same = ({causes[name] for name in names} for names in (named, kept, constants))
     found = {}
     for cause, probability in inclusion.items():
         if probability < LEAST_PROBABILITY or cause in after:
             continue
-        if unexplained:
+        if cause == TURNED_BY_ESTIMATE and ESTIMATE in known:
+            found[cause] = OF_ESTIMATE
+        elif unexplained:
             found[cause] = LEFT_OVER
         elif cause in before:
             found[cause] = PERSONS_DIFFER if cause in same else OWN_BONES_DO
