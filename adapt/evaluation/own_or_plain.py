@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems, with_problems
 from adapt.evaluation.predictions import Places, gaps_of, predicted, unseen_angles
@@ -49,11 +49,14 @@ class Persons(NamedTuple):
     """The noise of each is learnt, alone."""
     motion: Int[np.ndarray, "postures problems"]
     """The number of the motion of each posture."""
+    untold: Float[np.ndarray, "groups problems"]
+    """Of what slopes say that motions tell (``adapt.own_bones.own_adaptation.People``)."""
 
     def at(self, problem: Int[np.ndarray, " some"]) -> "Persons":
         """Take some of the problems, any as often as wanted."""
         scales = [self.scales[k] for k in problem.tolist()]
-        return Persons(take_problems(self.spread, problem), scales, self.own_noise, self.motion[:, problem])
+        spread, untold = take_problems((self.spread, self.untold), problem)
+        return Persons(spread, scales, self.own_noise, self.motion[:, problem], untold)
 
 
 def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
@@ -78,7 +81,7 @@ def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Probl
 def own_bones(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
     """Adapt bones of each person's own, with the noise of each where persons are few."""
     scales = with_own_noise(data, persons.spread) if persons.own_noise else persons.scales
-    return adapt_own_bones(data, persons.spread, scales, weight)
+    return adapt_own_bones(data, persons.spread, scales, weight, persons.untold)
 
 
 def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:

@@ -133,6 +133,25 @@ class Posterior(NamedTuple):
     """And F stationary."""
 
 
+def of_problems(rows: Rows, part: Int[np.ndarray, " rows"], problems) -> tuple[Rows, Int[np.ndarray, " some"]]:
+    """Take the rows of some problems, ascending, and say which of them each is of."""
+    mine = np.isin(part, problems)
+    some = Rows(rows.angles[:, mine], rows.measured[:, mine], rows.active_effects.at(np.flatnonzero(mine)))
+    return some, np.searchsorted(problems, part[mine])
+
+
+def repeated(rows: Rows, times: int) -> Rows:
+    """Put the rows so many times one after the other."""
+    every = np.tile(np.arange(rows.angles.shape[1]), times)
+    return Rows(rows.angles[:, every], rows.measured[:, every], rows.active_effects.at(every))
+
+
+def take_found(found: Posterior, part: Int[np.ndarray, " rows"], problems: Bool[np.ndarray, " problems"]) -> Posterior:
+    """Take the ends of the chosen problems."""
+    nearest = take_problems(found.nearest, problems[part])
+    return take_problems(found._replace(nearest=()), problems)._replace(nearest=nearest)
+
+
 class _OfRows(NamedTuple):
     """The last accepted point of each posture, and the step from it."""
 

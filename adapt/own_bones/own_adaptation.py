@@ -10,23 +10,37 @@ points of the person has the SDs of their fit there. w changes no optimum.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt.engine.batching import put_problems, take_problems
+from adapt.own_bones.bent_valleys import covariance_of_u, overstated
 from adapt.own_bones.most_probable import (
     STARTS_MM,
     Posterior,
     Prior,
     Rows,
     most_probable,
+    of_problems,
     persons_first,
+    repeated,
     staged,
+    take_found,
 )
-from adapt.own_bones.scales import PRIOR, Moments, Scales, are_known, informative, learnt, moments
+from adapt.own_bones.scales import (
+    GROUP_OF_SIZE,
+    IN_GROUP,
+    PRIOR,
+    Moments,
+    Scales,
+    are_known,
+    informative,
+    learnt,
+    moments,
+)
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.posture_fits import fit_batch
@@ -35,7 +49,7 @@ from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
 from models.girdle import Girdle
 from models.person.family import AnyModel, unique_sets
-from models.person.own_bones import NO_SDS, SHOWN_BY_LANDMARKS, OwnSDs, Spread, of_chain, spread_about
+from models.person.own_bones import GROUPS, NO_SDS, SHOWN_BY_LANDMARKS, OwnSDs, Spread, of_chain, spread_about
 from models.person.positions.landmark_numbers import IN_GIRDLE, KEYS, LandmarkNumbers, numbers_of
 from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions.table import FEWEST_ANGLES, person_of
@@ -90,7 +104,7 @@ class OwnBones(NamedTuple):
 
     sizes: Float[np.ndarray, "sizes problems"]
     covariance: Float[np.ndarray, "sizes sizes problems"]
-    """By the curvature of the posterior (Gauss-Newton)."""
+    """By the curvature of the posterior (Gauss-Newton), less what bent valleys do not tell (``bent_valleys``)."""
     prior_sd: Float[np.ndarray, "sizes problems"]
     """With the scale of its group."""
     scales: Float[np.ndarray, "scales problems"]
@@ -156,6 +170,8 @@ class People:
     """By person: learnt without this person, for what is held out. Nobody else's scales know anything of a person."""
     are_few: bool = False
     """Nothing was learnt of them: the noise of each is, alone."""
+    untold: Mapping[str, Float[np.ndarray, " groups"]] = field(default_factory=dict)
+    """Of each group, the share of what slopes say that motions tell that they do not (``bent_valleys``, beta)."""
 
     def of(self, models: Sequence[AnyModel], subjects: Sequence[str], held_out: bool = False) -> list[Scales]:
         """Give the scales of every subject with every model."""
@@ -164,6 +180,21 @@ class People:
             everybody, without = self.everybody[model.name], self.without[model.name] if held_out else {}
             found += [without.get(person_of(subject), everybody) for subject in subjects]
         return found
+
+    def untold_of(self, models: Sequence[AnyModel], subjects: Sequence[str]) -> Float[np.ndarray, "groups problems"]:
+        """Lay out beta of every subject with every model; 0 of few persons."""
+        each = [self.untold.get(model.name, np.zeros(len(GROUPS))) for model in models]
+        return np.repeat(np.array(each).T, len(subjects), axis=1)
+
+
+class _Optimum(NamedTuple):
+    """The most probable girdles of some problems, as far as thirty steps lead."""
+
+    rows: Rows
+    part: Int[np.ndarray, " rows"]
+    prior: Prior
+    shares: Float[np.ndarray, "sizes n problems"]
+    found: Posterior
 
 
 def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS, held_out: bool = True) -> People:
@@ -182,21 +213,34 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
     every, width = np.arange(len(models)), len(chosen)
     data = select_problems(problems_of(rows, models), (len(rows.subjects) * every[:, None] + chosen).ravel())
     spread, of_model = spread_of(models, subjects, sds), np.repeat(every, width)
-    of, known = _moments(data, spread, [PRIOR] * len(of_model))
-    scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, list(everybody.values()))
+
+    def learn(scales: list[Scales]) -> tuple[_Optimum, Moments, Bool[np.ndarray, " problems"], list[Scales]]:
+        at = _optimum(data, spread, [scales[k] for k in of_model.tolist()])
+        of, known = _moments(spread, at)
+        return at, of, known, _learnt_by_enough(of, (of_model == every[:, None]) & known, scales)
+
+    at, of, known, scales = learn(list(everybody.values()))
     for _ in range(_LEARNING_ROUNDS - 1):
-        of, known = _moments(data, spread, [scales[k] for k in of_model.tolist()])
-        scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, scales)
+        at, of, known, scales = learn(scales)
     everybody = dict(zip(everybody, scales, strict=True))
+    untold = dict(zip(everybody, _untold(at, known, len(models)), strict=True))
     if not held_out:
-        return People(sds, everybody, {name: {} for name in everybody})
+        return People(sds, everybody, {name: {} for name in everybody}, untold=untold)
     runs = (of_model == every[:, None, None]) & known & (np.tile(group, len(models)) != np.arange(_GROUPS)[:, None])
     each = _learnt_by_enough(of, runs.reshape(-1, len(known)), [one for one in scales for _ in range(_GROUPS)])
     without = {
         name: {person: each[_GROUPS * k + one] for person, one in zip(persons, group.tolist(), strict=True)}
         for k, name in enumerate(everybody)
     }
-    return People(sds, everybody, without)
+    return People(sds, everybody, without, untold=untold)
+
+
+def _untold(at: _Optimum, known: Bool[np.ndarray, " problems"], models: int) -> Float[np.ndarray, "models groups"]:
+    """beta of each model over the persons that are known."""
+    more, told = (
+        (IN_GROUP.T @ one).reshape(len(GROUPS), models, -1).sum(axis=2).T for one in overstated(*at, known, models)
+    )
+    return np.clip(more / np.where(told > 0.0, told, np.inf), 0.0, 1.0)
 
 
 def _learnt_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence[Scales]) -> list[Scales]:
@@ -220,7 +264,8 @@ def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
         left = np.flatnonzero(rounds < _LEARNING_ROUNDS)
         if not len(left):
             break
-        of, known = _moments(select_problems(data, left), take_problems(spread, left), _with_noise(noise_deg[left]))
+        some = take_problems(spread, left)
+        of, known = _moments(some, _optimum(select_problems(data, left), some, _with_noise(noise_deg[left])))
         each = learnt(of, np.eye(len(left), dtype=bool)[known], [PRIOR] * int(known.sum()))
         noise_deg[left[known]] = [one.noise_deg for one in each]
         noise_deg[left[~known & (of.informative > 0)]] *= 2.0
@@ -237,13 +282,17 @@ def sample(subjects: Sequence[str]) -> tuple[str, ...]:
     return one_in_so_many(subjects, _MOST_PERSONS)
 
 
-def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
-    """And of whom there are any."""
+def _optimum(data: Problems, spread: Spread, scales: Sequence[Scales]) -> _Optimum:
     rows, part, _ = _rows_of(data)
-    prior, _ = _prior(data, spread, scales)
+    prior, shares = _prior(data, spread, scales)
     found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]), _LEARNING_STEPS)
-    of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
-    return of, found.closed & are_known(of)
+    return _Optimum(rows, part, prior, shares, found)
+
+
+def _moments(spread: Spread, at: _Optimum) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
+    """And of whom there are any."""
+    of = moments(of_chain(spread.columns_mm), at.prior, at.found, at.rows, at.part)
+    return of, at.found.closed & are_known(of)
 
 
 def adapt_own_bones(
@@ -251,12 +300,16 @@ def adapt_own_bones(
     spread: Spread,
     scales: Sequence[Scales],
     weight: float,
+    untold: Float[np.ndarray, "groups problems"] | float = 0.0,
 ) -> tuple[Problems, Adapted, OwnBones]:
-    """Find the most probable girdle of each problem: the problems with that girdle, the adaptation and the sizes."""
+    """Find the most probable girdle of each problem: the problems with that girdle, the adaptation and the sizes.
+
+    ``untold``: what the covariance of the sizes is less sure of than the slopes say (``People.untold``).
+    """
     rows, part, posture = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
     found = _with_lowest_postures(rows, part, prior)
-    own, moved_mm = _own_bones(spread, scales, prior, shares, found, part)
+    own, moved_mm = _own_bones(spread, scales, prior, shares, found, part, untold)
     girdle = Girdle.of_numbers(np.asarray(data.girdle.numbers_mm) + moved_mm)
     data = replace(data, girdle=girdle)
     fitted = fit_batch(
@@ -325,7 +378,7 @@ def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Po
     _with_other_starts(found, rows, part, prior, np.flatnonzero(~found.settled | (allowed < found.F)))
     lost = np.flatnonzero(~found.settled)
     if len(lost):  # no start has led anywhere: the first goes on
-        some, number = _of_problems(rows, part, lost)
+        some, number = of_problems(rows, part, lost)
         u, angles = first[0][:, lost], first[1][:, np.isin(part, lost)]
         _put(found, part, lost, most_probable(some, number, take_problems(prior, lost), u, angles))
     return found
@@ -335,28 +388,23 @@ def _with_other_starts(found: Posterior, rows: Rows, part: Int[np.ndarray, " row
     """Put what other starts of the problems ``left`` lead to in its place, where it is lower."""
     if not len(left):
         return
-    (some, number), prior = _of_problems(rows, part, left), take_problems(prior, left)
+    (some, number), prior = of_problems(rows, part, left), take_problems(prior, left)
     starts = [staged(some, number, prior, slacks_mm) for slacks_mm in STARTS_MM[1:]]
     u, angles = (np.concatenate(one, axis=1) for one in zip(*starts, strict=True))
     again = np.tile(np.arange(len(left)), len(starts))  # side by side: few are left at the end of each
     several = np.repeat(np.arange(len(starts)), len(number)) * len(left) + np.tile(number, len(starts))
-    every = most_probable(_repeated(some, len(starts)), several, take_problems(prior, again), u, angles)
+    every = most_probable(repeated(some, len(starts)), several, take_problems(prior, again), u, angles)
     for k in range(len(starts)):
-        other = _some(every, several, np.arange(len(again)) // len(left) == k)
+        other = take_found(every, several, np.arange(len(again)) // len(left) == k)
         lower = other.settled & (~found.settled[left] | (found.F[left] > other.F))
-        _put(found, part, left[lower], _some(other, number, lower))
-
-
-def _repeated(rows: Rows, times: int) -> Rows:
-    every = np.tile(np.arange(rows.angles.shape[1]), times)
-    return Rows(rows.angles[:, every], rows.measured[:, every], rows.active_effects.at(every))
+        _put(found, part, left[lower], take_found(other, number, lower))
 
 
 def _with_lowest_postures(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
     """The most probable girdles, and again from where a posture fits better elsewhere."""
     found, left = _from_starts(rows, part, prior), np.arange(len(prior.noise_deg))
     for _ in range(_POSTURE_ROUNDS):
-        some, number = _of_problems(rows, part, left)
+        some, number = of_problems(rows, part, left)
         girdle = Girdle.of_numbers(prior.numbers_at(found.u)[:, left[number]])
         fresh = fit_batch(some.active_effects.on(girdle), some.angles, some.measured)
         near = take_problems(found.nearest, np.isin(part, left))
@@ -365,21 +413,9 @@ def _with_lowest_postures(rows: Rows, part: Int[np.ndarray, " rows"], prior: Pri
         if not len(again):
             break
         left, start = left[again], np.where(lower, fresh.angles, near.angles)[:, np.isin(number, again)]
-        some, number = _of_problems(rows, part, left)
+        some, number = of_problems(rows, part, left)
         _put(found, part, left, most_probable(some, number, take_problems(prior, left), found.u[:, left], start))
     return found
-
-
-def _of_problems(rows: Rows, part: Int[np.ndarray, " rows"], problems) -> tuple[Rows, Int[np.ndarray, " some"]]:
-    """The rows of some problems, ascending, and which of them each is of."""
-    mine = np.isin(part, problems)
-    some = Rows(rows.angles[:, mine], rows.measured[:, mine], rows.active_effects.at(np.flatnonzero(mine)))
-    return some, np.searchsorted(problems, part[mine])
-
-
-def _some(found: Posterior, part: Int[np.ndarray, " rows"], problems: Bool[np.ndarray, " problems"]) -> Posterior:
-    nearest = take_problems(found.nearest, problems[part])
-    return take_problems(found._replace(nearest=()), problems)._replace(nearest=nearest)
 
 
 def _put(found: Posterior, part: Int[np.ndarray, " rows"], problems, other: Posterior) -> None:
@@ -389,18 +425,15 @@ def _put(found: Posterior, part: Int[np.ndarray, " rows"], problems, other: Post
 
 
 def _own_bones(
-    spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part: Int[np.ndarray, " rows"]
+    spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part, untold
 ) -> tuple[OwnBones, Float[np.ndarray, "numbers problems"]]:
     """The posterior of the sizes: their means, and what they add to the girdle."""
     sd, shares, before = persons_first(spread.sd * _of_sizes(scales)), persons_first(shares), _sizes(spread, scales)
-    across = np.swapaxes(shares, 1, 2)
-    mean = before.mean + (before.root @ (shares @ persons_first(found.u)[..., None]))[..., 0]
-    slopes = persons_first(found.nearest.by_theta) @ persons_first(prior.root_mm)[part]
-    starts = np.searchsorted(part, np.arange(found.u.shape[1]))
-    matrix = np.add.reduceat(np.swapaxes(slopes, 1, 2) @ slopes, starts, axis=0)
-    of_u = np.linalg.inv(matrix / prior.noise_deg[:, None, None] ** 2 + np.eye(len(found.u)))  # prior variance 1
-    covariance = np.eye(sd.shape[1]) - shares @ across + shares @ of_u @ across
-    covariance = before.root @ covariance @ np.swapaxes(before.root, 1, 2)
+    S = before.root @ shares
+    mean = before.mean + (S @ persons_first(found.u)[..., None])[..., 0]
+    told = (S - S @ covariance_of_u(found, prior, part)) @ np.swapaxes(S, 1, 2)
+    r = np.sqrt(np.broadcast_to(untold, (len(GROUPS), len(scales)))).T[:, GROUP_OF_SIZE]
+    covariance = before.root @ np.swapaxes(before.root, 1, 2) - told + r[:, :, None] * told * r[:, None]
     each = range(sd.shape[1])
     covariance[:, each, each] = np.maximum(covariance[:, each, each], 0.0)  # of a size that is held, but for rounding
     own = OwnBones(

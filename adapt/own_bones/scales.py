@@ -60,14 +60,14 @@ class Scales(NamedTuple):
     @property
     def of_sizes(self) -> Float[np.ndarray, " sizes"]:
         """The scale of each of ``SIZES``."""
-        return np.array(self)[_GROUP_OF_SIZE]
+        return np.array(self)[GROUP_OF_SIZE]
 
 
 PRIOR = Scales()
 
-_GROUP_OF_SIZE = np.array([GROUPS.index(one.group) for one in SIZES])
+GROUP_OF_SIZE = np.array([GROUPS.index(one.group) for one in SIZES])
 
-_IN_GROUP = (_GROUP_OF_SIZE[:, None] == np.arange(len(GROUPS))).astype(float)
+IN_GROUP = (GROUP_OF_SIZE[:, None] == np.arange(len(GROUPS))).astype(float)
 
 _LEAST, _MOST = np.log(
     np.array([(_LEAST_SCALE, MOST_SCALE)] * len(GROUPS) + [_NOISES_DEG]) / np.array(PRIOR)[:, None]
@@ -168,7 +168,7 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
     are 4 (H^-1_ij K_ij - z_i z_j (2 H^-1_ij - delta_ij)), summed over i in g and j in h, for two scales, 4 (2 z_i (H^-1
     z)_i - (H^-1 K)_ii) for one and the noise; those expected 4 K_ij^2 and 4 (H^-1 K)_ii.
     """
-    s, variance = np.exp(logarithms)[_GROUP_OF_SIZE][:, run], (PRIOR.noise_deg * np.exp(logarithms[-1, run])) ** 2
+    s, variance = np.exp(logarithms)[GROUP_OF_SIZE][:, run], (PRIOR.noise_deg * np.exp(logarithms[-1, run])) ** 2
     M, v = persons_first(of.A * s[:, None] * s / variance), persons_first(of.c * s / variance)
     n, m, square = len(s), of.informative, of.square / variance
     inverse = np.linalg.inv(M + np.eye(n))
@@ -202,13 +202,13 @@ def _of_prior(logarithms: Float[np.ndarray, "scales runs"]):
 
 def _by_group(of_sizes: Float[np.ndarray, "pairs sizes"]) -> Float[np.ndarray, "pairs groups"]:
     """Add up each pair by itself, so that sums are the same to the last digit whoever else is there."""
-    return (of_sizes[:, None] @ _IN_GROUP)[:, 0]
+    return (of_sizes[:, None] @ IN_GROUP)[:, 0]
 
 
 def _bordered(of_sizes, with_noise, of_noise) -> Float[np.ndarray, "pairs scales scales"]:
     """4 times the sums over the sizes of each group, bordered by those with the noise."""
     border = _by_group(with_noise)
-    of_groups = _IN_GROUP.T @ of_sizes @ _IN_GROUP
+    of_groups = IN_GROUP.T @ of_sizes @ IN_GROUP
     upper = np.append(of_groups, border[:, :, None], axis=2)
     lower = np.append(border, of_noise[:, None], axis=1)
     return 4.0 * np.append(upper, lower[:, None], axis=1)
