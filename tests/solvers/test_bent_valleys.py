@@ -69,6 +69,6 @@ def test_intervals_of_persons_who_differ_twice_as_much_hold(twice):
     for word, untold_there in (("slopes", {}), ("valleys", untold(twice.motions))):
         own = adapted(twice.motions, People({}, scales, {"R2": {}}, untold=untold_there)).problems.own_bones
         close = np.abs(own.sizes - twice.sizes) <= 1.96 * own.sd
-        inside[word] = [close[GROUP == k].mean() for k in (1, 2)]
-    assert max(inside["slopes"]) < 0.93
-    assert 0.92 <= min(inside["valleys"]) <= max(inside["valleys"]) <= 0.97
+        inside[word] = [close[k == GROUP].mean() for k in (1, 2)]
+    assert min(inside["slopes"]) < 0.925
+    assert 0.925 < min(inside["valleys"]) <= max(inside["valleys"]) < 0.97, inside
