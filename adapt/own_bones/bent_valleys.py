@@ -38,7 +38,8 @@ from motions.rotations import DEG
 _SEED = 0
 
 _MOST_STEPS = 60
-"""Of a draw: nineteen in twenty have settled; an end that is closed is taken."""
+"""Of a draw, whose end is taken where it is closed. Of people who differ twice as much 75 % have settled after 30, 98 %
+after 150, with as many sizes in their intervals, to 0.3 %, as after 60."""
 
 
 def covariance_of_u(
