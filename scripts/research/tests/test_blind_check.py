@@ -406,6 +406,7 @@ def test_a_cause_has_one_name_whatever_its_course() -> None:
     assert found["other_motion_deg"] == {}
 
 
+@pytest.mark.filterwarnings("ignore::motions.errors.InputWarning")  # a frame is wrong there on purpose
 def test_one_case_from_its_world_to_its_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -431,7 +432,7 @@ def test_one_case_from_its_world_to_its_report(
     assert set(found["true_directions"][label]) == {"about x", "about y", "about z"}
     assert report.intervals_that_cover([found]) == [True, False]
     realised = found["realised_deg"]
-    assert 0.0 < realised["with_effect"] == realised["adapted"] < 5.0  # no option was given
+    assert 0.0 < realised["with_effect"] < realised["adapted"] < 5.0  # own bones, as no option was given
     assert "Simulated cases: 1, seeds 1 to 1 (1)" in printed
     assert "| true effect in the reported set |  | 100.0 % (21-100; 1) |" in printed
     # done is done: nothing is diagnosed again
