@@ -25,7 +25,8 @@ ENDLESS = np.array([[-np.inf], [np.inf]])
 _OFFSETS_DEG = np.concatenate([np.zeros((1, 6)), np.random.default_rng(1).uniform(-30.0, 30.0, (9, 6))])
 _SLACKS = np.stack([SOFTLY] * 5 + [HARDER] * 5)
 """Starts about the measured angles, and how each goes on: J has several local minima. These lead to the J of the
-compiled fits in every one of 415 shipped and measured postures with six sets."""
+compiled fits in every one of 415 shipped and measured postures with six sets, and to the E of the compiled adaptations
+in every one of 18 subjects; five starts miss that of one by 1.4 %."""
 
 
 class PostureFit(NamedTuple):
@@ -141,6 +142,6 @@ def _fit_one(girdle: Girdle, s: Array, R: Array, start: Array | None) -> Posture
     counts, nothing = 1.0 * jnp.any(R != 0.0, keepdims=True), jnp.zeros((COUNT_OF_NUMBERS, 0))
     one = Postures(s[:, None], R[:, None], counts, girdle, nothing, ENDLESS * jnp.ones(6), nothing[:3], 0.0)
     starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
-    x, beyond, J = jax.vmap(reached, (None, 0, 0))(*jax.lax.stop_gradient((one, *starts)))
+    x, beyond, J = jax.lax.map(lambda given: reached(jax.lax.stop_gradient(one), *given), jax.lax.stop_gradient(starts))
     x, beyond = jnp.where(jnp.isfinite(jnp.min(J)), x[jnp.argmin(J)], jnp.nan), beyond[0]  # no bounds
     return jax.tree.map(lambda of: of[..., 0], one.fits(following(one, beyond, x)))
