@@ -77,9 +77,10 @@ def result(numbers: dict, known, start) -> AdaptedSubject:
 
 
 def numbers_of(subject: str) -> dict:
-    girdle = jax.tree.map(jnp.asarray, MODEL.girdle)
-    angles = jnp.asarray(angles_of(subject))
-    return {"girdle": girdle, "angles": angles, "columns": PRIOR.columns_mm, "noise": PRIOR.noise_deg, "weight": 10.0}
+    """All of them float64: a Python number has a weak type, and moved by an array it would ask for another program."""
+    columns, noise = PRIOR
+    numbers = {"girdle": MODEL.girdle, "angles": angles_of(subject), "columns": columns, "noise": noise, "weight": 10.0}
+    return jax.tree.map(lambda x: jnp.asarray(x, float), numbers)
 
 
 @few_runs
@@ -91,7 +92,7 @@ def with_slopes(numbers: dict, moved: dict, known, start):
 def solved(subject: str, start, numbers: dict | None = None, moved: dict | None = None):
     numbers = numbers_of(subject) if numbers is None else numbers
     moved = jax.tree.map(jnp.zeros_like, numbers) if moved is None else moved
-    return with_slopes(jax.tree.map(jnp.asarray, numbers), moved, np.isfinite(angles_of(subject)), start)
+    return with_slopes(numbers, moved, np.isfinite(angles_of(subject)), start)
 
 
 @pytest.mark.parametrize("subject", SUBJECTS)
@@ -141,7 +142,7 @@ def direction(what: str, numbers: dict) -> dict:
 @pytest.mark.parametrize("what", STEPS)
 def test_slopes_are_differences(compiled, what):
     subject = SUBJECTS[1]
-    start, numbers = start_of(compiled, subject), jax.tree.map(jnp.asarray, numbers_of(subject))
+    start, numbers = start_of(compiled, subject), numbers_of(subject)
     moved = direction(what, numbers)
     _, slope = solved(subject, start, numbers, moved)
     ends = []
