@@ -64,20 +64,24 @@ class Postures(NamedTuple):
         return theta, q.reshape(self.s.shape), multipliers
 
     def girdle_at(self, theta: Array) -> Girdle:
+        """Build the girdle that theta makes."""
         return Girdle.of_numbers(self.girdle.numbers_mm + self.columns @ theta)
 
     def residuals(self, v: Array) -> Array:
+        """Compute what E is the sum of squares of."""
         theta, q, _ = self.parts(v)
         distances = distances_mm(self.girdle_at(theta), self.points_mm) / np.sqrt(max(1, self.points_mm.shape[1]))
         gaps = jnp.where(self.share > 0.0, self.share * self.R, 1.0) * (q - self.s)
         return jnp.concatenate([distances, self.pull * theta, gaps.ravel()])
 
     def constraints(self, v: Array) -> Array:
+        """Compute A1-A3 of every posture; of padding, what keeps it where it is."""
         theta, q, _ = self.parts(v)
-        g = self.share * self.girdle_at(theta).residuals_mm(q)
-        return jnp.where(self.share > 0.0, g, (q - self.s)[:3]).ravel()
+        g = self.girdle_at(theta).residuals_mm(q)
+        return jnp.where(self.share > 0.0, self.share * g, (q - self.s)[:3]).ravel()
 
     def fits(self, x: Array) -> PostureFit:
+        """Take the postures out of (v, lambda)."""
         _, q, multipliers = self.parts(x)
         of_J = multipliers.reshape(3, -1) / jnp.where(self.share > 0.0, self.share, 1.0)
         return PostureFit(q, of_J, jnp.sum((self.R * (q - self.s)) ** 2, axis=0))
@@ -143,5 +147,6 @@ def _fit_one(girdle: Girdle, s: Array, R: Array, start: Array | None) -> Posture
     one = Postures(s[:, None], R[:, None], counts, girdle, nothing, ENDLESS * jnp.ones(6), nothing[:3], 0.0)
     starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
     x, beyond, J = jax.lax.map(lambda given: reached(jax.lax.stop_gradient(one), *given), jax.lax.stop_gradient(starts))
-    x, beyond = jnp.where(jnp.isfinite(jnp.min(J)), x[jnp.argmin(J)], jnp.nan), beyond[0]  # no bounds
-    return jax.tree.map(lambda of: of[..., 0], one.fits(following(one, beyond, x)))
+    x = jnp.where(jnp.isfinite(jnp.min(J)), x[jnp.argmin(J)], jnp.nan)
+    x = x.at[:6].add(-2.0 * jnp.pi * jnp.where(R == 0.0, jnp.round((x[:6] - s) / (2.0 * jnp.pi)), 0.0))  # full turns
+    return jax.tree.map(lambda of: of[..., 0], one.fits(following(one, beyond[0], x)))

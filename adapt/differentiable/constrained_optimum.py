@@ -22,8 +22,9 @@ SOFTLY, HARDER, NEAR = np.array([[1.0, 0.1, 0.01], [0.1, 0.1, 0.01], [0.01, 0.01
 """Slacks of one search after the other, mm: first a chain open by 1 mm costs as much as gaps of 1 degree. The
 more slack, the farther a search leads; the last ones end in the minimum around the start."""
 
-_MOST_STEPS, _ENDED = 40, 1e-6
-"""Of a search; its absolute and relative tolerance."""
+_MOST_STEPS, _ENDED = 30, 1e-6
+"""Of a search, and two more for each variable: 40 are too few for subjects with unmeasured angles. Its absolute and
+relative tolerance."""
 
 _MOST_ROUNDS, _SETTLED = 10, 1e-9
 """Of Newton's method, which needs three; a step as short ends it, mm or rad. Quadratically, rounding is left."""
@@ -76,8 +77,8 @@ def softly(problem, start: Array, slacks: Array) -> Array:
         return jnp.concatenate([problem.residuals(v), problem.constraints(v) / slack, outside / slack])
 
     def stiffer(v, slack):
-        solver = _LevenbergMarquardt()
-        return optimistix.least_squares(residuals, solver, v, slack, throw=False, max_steps=_MOST_STEPS).value, None
+        solver, most = _LevenbergMarquardt(), _MOST_STEPS + 2 * len(v)
+        return optimistix.least_squares(residuals, solver, v, slack, throw=False, max_steps=most).value, None
 
     return jax.lax.scan(stiffer, start, slacks)[0]
 
@@ -105,7 +106,6 @@ def following(problem, beyond: Array, x: Array) -> Array:
 
 @following.defjvp
 def _following_jvp(primals, tangents):
-    problem, beyond, _ = primals
-    x = following(*primals)
+    (problem, beyond, _), x = primals, following(*primals)
     _, moved = jax.jvp(lambda problem: _conditions(problem, beyond, x), (problem,), tangents[:1])
     return x, _solve(jax.jacfwd(_conditions, 2)(problem, beyond, x), -moved)
