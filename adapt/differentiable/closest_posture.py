@@ -81,8 +81,9 @@ class Postures(NamedTuple):
         return jnp.where(self.share > 0.0, self.share * g, (q - self.s)[:3]).ravel()
 
     def fits(self, x: Array) -> PostureFit:
-        """Take the postures out of (v, lambda)."""
+        """Take the postures out of (v, lambda), unmeasured angles within half a turn of rest."""
         _, q, multipliers = self.parts(x)
+        q -= 2.0 * jnp.pi * jnp.where(self.R == 0.0, jnp.round((q - self.s) / (2.0 * jnp.pi)), 0.0)
         of_J = multipliers.reshape(3, -1) / jnp.where(self.share > 0.0, self.share, 1.0)
         return PostureFit(q, of_J, jnp.sum((self.R * (q - self.s)) ** 2, axis=0))
 
@@ -147,6 +148,5 @@ def _fit_one(girdle: Girdle, s: Array, R: Array, start: Array | None) -> Posture
     one = Postures(s[:, None], R[:, None], counts, girdle, nothing, ENDLESS * jnp.ones(6), nothing[:3], 0.0)
     starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
     x, beyond, J = jax.lax.map(lambda given: reached(jax.lax.stop_gradient(one), *given), jax.lax.stop_gradient(starts))
-    x = jnp.where(jnp.isfinite(jnp.min(J)), x[jnp.argmin(J)], jnp.nan)
-    x = x.at[:6].add(-2.0 * jnp.pi * jnp.where(R == 0.0, jnp.round((x[:6] - s) / (2.0 * jnp.pi)), 0.0))  # full turns
-    return jax.tree.map(lambda of: of[..., 0], one.fits(following(one, beyond[0], x)))
+    x, beyond = jnp.where(jnp.isfinite(jnp.min(J)), x[jnp.argmin(J)], jnp.nan), beyond[0]  # no bounds
+    return jax.tree.map(lambda of: of[..., 0], one.fits(following(one, beyond, x)))
