@@ -1,28 +1,49 @@
-"""The girdle adapted to a subject as a differentiable function: the optimum of E (``errors_of_subject``).
+"""The girdle adapted to a subject as a differentiable function: the optimum of E over theta and all closed postures.
 
-E has the slope d|r|^2/dtheta + sum c_p lambda_p' dg/dtheta (envelope theorem), and H is the derivative of that. The
-optimum within the bounds has H_ff dtheta_f = -d(slope_f) - H_fb dtheta_b, where f are the free parameters and b those
-at a bound, which move with it.
+E = D + w mean(J_p) within bounds (thesis Eq. 6.3-6.5), theta the adapted parameters, or
+E_own = w / m (S + sigma^2 |z|^2),  z the sizes of the person's own bones in SDs (``docs/method.md``), S the squared
+gaps of the m measured angles.
 """
 
-from functools import partial
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.differentiable.closest_posture import PostureFit, fits_at, fits_from, search, starts_of
-from adapt.differentiable.errors_of_subject import WEIGHT, OwnPrior, Problem, problem_of
-from adapt.differentiable.small_systems import least_squares, lowest_step, solve, with_derivative
+from adapt.differentiable.closest_posture import ENDLESS, PostureFit, Postures, distances_mm, fit_from, target
+from adapt.differentiable.constrained_optimum import NEAR, SOFTLY, following, reached
+from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.girdle import Girdle
+from models.parameter_sets import ParameterSet
+from models.person.own_bones import NO_SDS, SIZES, OwnSDs, spread_about
 from motions.arrays import Array
 
-_MOST_ROUNDS = 8
-"""Of a subject, each Levenberg-Marquardt and a Newton step. Three are needed unless a posture changes its minimum."""
+WEIGHT = 10.0
+"""w of Eq. 6.5 (thesis 6.2.6)."""
 
-_NEAR, _SETTLED = 0.1, 1e-9
-"""A Newton step as short as the first is taken, as short as the second it ends the rounds; mm, or SDs."""
+
+class OwnPrior(NamedTuple):
+    """How persons differ from a girdle, and the noise of the angles."""
+
+    columns_mm: Float[Array, "numbers sizes"]
+    """What one SD of each size adds to ``Girdle.numbers_mm``."""
+    noise_deg: Float[Array, ""]
+    """sigma, of every measured angle."""
+
+    @classmethod
+    def about(
+        cls, model: ParameterSet, noise_deg: float, scales: Mapping[str, float] | None = None, sds: OwnSDs = NO_SDS
+    ) -> "OwnPrior":
+        """Lay out that of a parameter set: ``models.person.own_bones.SIZES``, with other ``sds`` than theirs by name.
+
+        ``scales`` are factors of the SDs by group, adapted, bones and frames: ``adapted_scale`` and so on of
+        ``parameters.csv``, which has ``noise_deg`` too.
+        """
+        factors = np.array([(scales or {}).get(one.group, 1.0) for one in SIZES])
+        return cls(jnp.asarray(spread_about(model, sds).columns_mm * factors), jnp.asarray(noise_deg))
 
 
 class AdaptedSubject(NamedTuple):
@@ -58,8 +79,10 @@ def objective(
     D is the mean squared distance of the thorax points. Angles, ``measured``, ``start``, derivatives, compilation and
     errors are those of :func:`fit_posture`.
     """
-    problem = problem_of(girdle, points_mm, angles, measured, weight)
-    return _objective(jnp.asarray(theta_mm), problem, starts_of(problem.s, start))
+    (s, R), moved = target(angles, measured), girdle.with_adapted(jnp.asarray(theta_mm))
+    J = fit_from(jax.tree.map(jnp.asarray, moved), s, R, start).j_deg2
+    D = jnp.mean(distances_mm(moved, jnp.asarray(points_mm)) ** 2)
+    return D + weight * jnp.sum(J) / jnp.sum(jnp.any(R != 0.0, axis=0))  # J of padding is 0
 
 
 def adapt_subject(
@@ -75,8 +98,8 @@ def adapt_subject(
     """Minimise E(theta) (:func:`objective`) within lower and upper bounds, mm: what :func:`adapt.adapt_subjects` finds.
 
     Differentiable in every number given but the girdle's own adapted parameters, which are only a start. ``jax.vmap``
-    takes subjects with unequal numbers of postures: pad them with postures whose ``measured`` is False. Starts are the
-    geometric fit, min D, and places around it (thesis 6.2.6; ``models.adapted_parameters.STARTS_MM``).
+    takes subjects with unequal numbers of postures: pad them with postures whose ``measured`` is False. Starts are
+    places around the girdle (thesis 6.2.6; ``models.adapted_parameters.STARTS_MM``).
 
     ``own_bones``: minimise E_own = w / m (S + sigma^2 |z|^2) over the sizes of the person's own, without bounds, as
     ``adapt_subjects(..., own_bones=True)`` does with the same noise and scales (``docs/method.md``). It is
@@ -90,101 +113,55 @@ def adapt_subject(
     The first call compiles for about a minute, a derivative for half of one more; a subject then takes some seconds.
     InputError as in :func:`fit_posture`.
     """
-    problem = problem_of(girdle, points_mm, angles, measured, weight, own_bones)
-    bounds = jnp.asarray(bounds_mm) if own_bones is None else None
-    return _subject(problem, bounds, None if start is None else jnp.asarray(start)[None])
-
-
-def _value(theta: Array, problem: Problem, x: Array) -> tuple[Array, PostureFit]:
-    """E, and the postures x."""
-    fits = fits_at(*problem.at(theta), x)
-    return jnp.sum(problem.others(theta) ** 2) + jnp.sum(problem.shares * fits.j_deg2), fits
+    given = girdle, points_mm, bounds_mm, *target(angles, measured), weight, own_bones, start
+    return _subject(*jax.tree.map(jnp.asarray, given))
 
 
 @jax.jit
-def _objective(theta: Array, problem: Problem, starts: Array) -> Array:
-    return _value(theta, problem, search(*problem.at(theta), starts))[0]
-
-
-def _residuals(theta: Array, problem: Problem, start: Array) -> Array:
-    """Numbers whose sum of squares is E."""
-    gaps = jnp.sqrt(0.5 * problem.W) * (fits_from(*problem.at(theta), start).angles - problem.s)
-    return jnp.concatenate([problem.others(theta), (jnp.sqrt(problem.shares) * gaps).ravel()])
-
-
-def _slope(theta: Array, problem: Problem, x: Array) -> Array:
-    """dE/dtheta, with the postures that follow from x."""
-    fits = fits_at(*problem.at(theta), x)
-
-    def lagrangian(theta):
-        g = jax.vmap(problem.girdle_at(theta).residuals_mm, -1, -1)(fits.angles)
-        return jnp.sum(problem.others(theta) ** 2) + jnp.sum(problem.shares * fits.multipliers * g)
-
-    return jax.grad(lagrangian)(theta)
-
-
-def _descended(problem: Problem, bounds: Array | None, theta: Array) -> tuple[Array, Array, Array]:
-    """theta, x and E of the optimum reached from theta; E is infinite where there is none."""
-
-    def unfinished(state):
-        return (state[2] > _SETTLED) & (state[3] < _MOST_ROUNDS)
-
-    def advance(state):
-        theta, x, _, number = state
-        x = search(*problem.at(theta), jnp.concatenate([x[None, :6], starts_of(problem.s)]))
-        slope, H = with_derivative(lambda theta: _slope(theta, problem, x), theta)
-        step = lowest_step(H, slope, None if bounds is None else bounds - theta)
-        longest = jnp.max(abs(step))
-        theta = jnp.where(longest < _NEAR, theta + step, theta)
-        hopeless = jnp.any(jnp.isnan(x))  # it would keep the subjects beside it waiting
-        residuals = partial(_residuals, problem=problem, start=x[None, :6])
-        further = least_squares(lambda theta: jnp.where(hopeless, 0.0, residuals(theta)), theta, bounds)
-        return jnp.where(longest <= _SETTLED, theta, further), x, longest, number + 1
-
-    first = theta, jnp.concatenate([problem.s, jnp.zeros_like(problem.s[:3])]), jnp.inf, 0
-    theta, x, longest, _ = jax.lax.while_loop(unfinished, advance, first)
-    return theta, x, jnp.where(longest <= _SETTLED, _value(theta, problem, x)[0], jnp.inf)
-
-
-def _lowest(problem: Problem, bounds: Array | None, starts: Array | None) -> tuple[Array, Array]:
-    """theta and x of the lowest optimum from all starts, without a derivative."""
-    problem, bounds, starts = jax.lax.stop_gradient((problem, bounds, starts))
-    starts = problem.starts(bounds) if starts is None else starts
-    theta, x, E = jax.lax.map(partial(_descended, problem, bounds), starts)
-    return jax.tree.map(lambda of: jnp.where(jnp.isfinite(jnp.min(E)), of[jnp.argmin(E)], jnp.nan), (theta, x))
-
-
-def _free(theta: Array, bounds: Array | None) -> Array:
-    return jnp.ones_like(theta, bool) if bounds is None else ~((theta <= bounds[0]) | (theta >= bounds[1]))
-
-
-@jax.custom_jvp
-def _following(problem: Problem, bounds: Array | None, theta: Array, x: Array) -> Array:
-    """Return the optimum theta, with postures x, as it is; it follows where the problem and its bounds move."""
-    return theta
-
-
-@_following.defjvp
-def _following_jvp(primals, tangents):
-    (problem, bounds, theta, x), (moved, moved_bounds, *_) = primals, tangents
-    H = jax.jacfwd(lambda theta: _slope(theta, problem, x))(theta)
-    _, slope_moved = jax.jvp(lambda problem: _slope(theta, problem, x), (problem,), (moved,))
-    free = _free(theta, bounds)
-    with_bound = 0.0 if bounds is None else jnp.where(theta <= bounds[0], *moved_bounds)
-    step = solve(jnp.where(free[:, None], H, jnp.eye(len(theta))), jnp.where(free, -slope_moved, with_bound))
-    return theta, step
-
-
-@jax.jit
-def _subject(problem: Problem, bounds: Array | None, starts: Array | None) -> AdaptedSubject:
-    theta, x = _lowest(problem, bounds, starts)
-    theta = _following(problem, bounds, theta, x)
-    E, fits = _value(theta, problem, x)
-    girdle, adapted = problem.girdle_at(theta), problem.own is None
-    of_six = theta if adapted else girdle.adapted_mm
-    free = _free(theta, bounds) if adapted else jnp.ones_like(of_six, bool)
-    D = jnp.mean(problem.distances(theta) ** 2)
-    converged = jnp.all(jnp.isfinite(theta))
+def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None, start) -> AdaptedSubject:
+    counts = jnp.sum(R != 0.0, axis=0)  # measured angles
+    if prior is None:
+        counts, zeros = jnp.minimum(counts, 1), jnp.zeros(len(ADAPTED))
+        base, starts, points, pull = girdle.with_adapted(zeros), girdle.adapted_mm + STARTS_MM, points_mm, 0.0
+        columns = jax.jacobian(lambda theta: girdle.with_adapted(theta).numbers_mm)(zeros)
+    else:
+        columns, zeros = prior.columns_mm, jnp.zeros(prior.columns_mm.shape[1])
+        base, starts, points, pull = girdle, zeros[None], points_mm[:, :0], prior.noise_deg
+        bounds_mm = ENDLESS * jnp.ones_like(zeros)
+    root, bounds = jnp.sqrt(weight / jnp.sum(counts)), jnp.concatenate([bounds_mm, ENDLESS * jnp.ones(s.size)], axis=1)
+    problem = Postures(s, R, root * jnp.sqrt(counts), base, columns, bounds, points, root * pull)
+    starts = (starts, starts[0]) if start is None else (starts[:0], start)
+    x, beyond = _search(*jax.lax.stop_gradient((problem, *starts)))
+    x = following(problem, beyond, x)
+    theta, fits = problem.parts(x)[0], problem.fits(x)
+    adapted = problem.girdle_at(theta)
     return AdaptedSubject(
-        of_six, free, E, D, problem.mean(fits.j_deg2), fits, converged, girdle, theta[:0] if adapted else theta
+        theta_mm=adapted.adapted_mm,
+        free=beyond[: len(ADAPTED)] == 0.0,  # sizes have no bounds
+        E=jnp.sum(problem.residuals(x[: len(beyond)]) ** 2),
+        D_mm2=jnp.mean(distances_mm(adapted, points_mm) ** 2),
+        mean_j_deg2=jnp.sum(fits.j_deg2) / jnp.sum(counts > 0),
+        postures=fits,
+        converged=jnp.all(jnp.isfinite(theta)),
+        girdle=adapted,
+        sizes=theta[:0] if prior is None else theta,
     )
+
+
+@jax.custom_batching.sequential_vmap
+def _search(problem: Postures, starts: Array, theta: Array) -> tuple[Array, Array]:
+    """Find the lowest optimum: from the starts with the measured postures, and then with the lowest postures that the
+    best of these has, or ``theta`` if there is none. Subject by subject, so that none waits for another."""
+
+    def further(best, given):
+        start, soft = given
+        theta = jnp.where(soft, start, problem.parts(best[0])[0])
+        q = jax.lax.cond(soft, lambda: problem.s, lambda: fit_from(problem.girdle_at(theta), problem.s, problem.R)[0])
+        found = reached(problem, jnp.concatenate([theta, q.ravel()]), jnp.where(soft, SOFTLY, NEAR))
+        return jax.tree.map(lambda new, old: jnp.where(found[2] < best[2], new, old), found, best), None
+
+    v = jnp.concatenate([theta, problem.s.ravel()])
+    nothing = jnp.concatenate([v, jnp.zeros(problem.s[:3].size)]), jnp.zeros_like(v), jnp.inf
+    rounds = jnp.concatenate([starts, theta[None]]), jnp.arange(len(starts) + 1) < len(starts)
+    x, beyond, E = jax.lax.scan(further, nothing, rounds)[0]
+    return jnp.where(jnp.isfinite(E), x, jnp.nan), beyond

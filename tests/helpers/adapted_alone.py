@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from programs import few_runs
 
 from adapt.differentiable import AdaptedSubject, adapt_subject
 
@@ -25,7 +26,7 @@ def alone(*given) -> tuple[AdaptedSubject, AdaptedSubject]:
     return _alone(tuple(numbers), measured)
 
 
-@jax.jit
+@few_runs
 def _alone(numbers: tuple, measured) -> tuple[AdaptedSubject, AdaptedSubject]:
     def result(girdle, points_mm, bounds_mm, angles, weight):
         return theta_and_result(girdle, points_mm, bounds_mm, angles, weight, measured)[1]

@@ -25,11 +25,12 @@ EXACT = 1e-9
 MODEL = load_model("R2")
 GIRDLE = MODEL.girdle
 POINTS = jnp.asarray(MODEL.points_mm)
-SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg.T / DEG)
+SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg[::3].T / DEG)
+"""Five postures."""
 THETA = GIRDLE.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
 
 
-def E(theta, angles, start=None):
+def E(theta, angles, start):
     return objective(theta, GIRDLE, POINTS, angles, start=start)
 
 
@@ -68,12 +69,12 @@ class Derivatives(NamedTuple):
 def stepped() -> Derivatives:
     """Jit of vmap of both directions: one program, as most of its time is compilation."""
 
-    def derivatives(theta, angles):
+    def derivatives(theta, *given):
         both = jax.value_and_grad(E)
-        further, found = jax.jacfwd(lambda theta: (both(theta, angles),) * 2, has_aux=True)(theta)
+        further, found = jax.jacfwd(lambda theta: (both(theta, *given),) * 2, has_aux=True)(theta)
         return Derivatives(*found, *further)
 
-    found = few_runs(jax.vmap(derivatives, in_axes=(0, None)))(THETA + STEPS, SUBJECT)
+    found = few_runs(jax.vmap(derivatives, in_axes=(0, None, None)))(THETA + STEPS, SUBJECT, fitted())
     return jax.tree.map(np.asarray, found)
 
 
