@@ -29,8 +29,6 @@ from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_
 SLOPE = 1e-5
 """The bar: arms are tens of mm, and the differences exact to 1e-6."""
 
-quick_drive = few_runs(drive)
-
 SETS = ("R2", "R4", "R6")
 """Those that are closed at rest."""
 
@@ -47,15 +45,15 @@ def postures(name: str):
     return model, q[:, good], rest[:, None] + offsets[:, good]
 
 
-TOGETHER = 36
-"""Postures that all tests drive at once, filled with copies: one program."""
+TOGETHER = 64
+"""Postures that all tests drive at once, filled up with copies: one program, that of tests/models/test_drive.py too."""
 
 
 def driven(model, coordinates, start) -> np.ndarray:
     """The angles at free coordinates, in an array of any shape, near others."""
     asked, near = coordinates.reshape(3, -1), np.broadcast_to(start, (6, *coordinates.shape[1:])).reshape(6, -1)
     rows = np.minimum(np.arange(TOGETHER), asked.shape[1] - 1)
-    angles = np.asarray(quick_drive(model.girdle, asked[:, rows], near[:, rows]).angles)
+    angles = np.asarray(drive(model.girdle.repeated(TOGETHER), asked[:, rows], near[:, rows]).angles)
     return angles[:, : asked.shape[1]].reshape(6, *coordinates.shape[1:])
 
 

@@ -21,11 +21,16 @@ def drawn_once(kind: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("kind", BY_KIND)
-def test_figures_are_the_same_bytes_on_a_second_draw_and_valid_xml(kind):
+def test_figures_are_valid_xml(kind):
     drawn = drawn_once(kind)
     assert tuple(drawn) == FIGURES
-    assert drawn == figures(BY_KIND[kind])
     assert all(words(svg) for svg in drawn.values())
+
+
+@pytest.mark.parametrize("kind", ["many", "nothing"])
+def test_figures_are_the_same_bytes_on_a_second_draw(kind):
+    """With and without causes: which marks are drawn changes nothing in how they are written."""
+    assert drawn_once(kind) == figures(BY_KIND[kind])
 
 
 def test_figures_say_their_numbers():
