@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from programs import one_run
+from programs import few_runs, one_run
 
 from adapt import fit_postures
 from models import load_model
@@ -45,12 +45,22 @@ def driven(girdle: Girdle, coordinates_mm, start=None) -> Driven:
     return Driven(angles, status) if np.ndim(coordinates_mm) > 1 else Driven(angles[:, 0], status[0])
 
 
-def driven_alike(girdle: Girdle, at) -> jax.Array:
-    """The angles at the coordinates of one posture or a few, for derivatives: by the same program."""
-    lanes = np.minimum(np.arange(TOGETHER), at.shape[1] - 1)
-    girdles = jax.tree.map(lambda x: jnp.broadcast_to(x[..., None], (*x.shape, TOGETHER)), girdle)
-    found = drive(girdles, at[:, lanes])
-    return jnp.where(found.status == 0, found.angles, 0.0)[:, : at.shape[1]]
+@pytest.fixture
+def at_postures(monkeypatch):
+    """Compile a function that drives: it is told the postures, as ``driven`` found them.
+
+    No derivative goes through the search for them, which takes most of the compilation.
+    """
+
+    def compiled(function):
+        def told(postures: Driven, *x):
+            with monkeypatch.context() as patch:
+                patch.setattr("models.drive._search", lambda *_: postures)
+                return function(*x)
+
+        return few_runs(told)
+
+    return compiled
 
 
 SETS = ("R2", "R4", "R6", "breteler_dissection", "breteler_mri")
@@ -179,7 +189,7 @@ def test_one_posture_without_numbers_leaves_the_others_as_they_are():
     np.testing.assert_allclose(found.angles[:, others], alone.angles[:, others], rtol=0.0, atol=ROUND_TRIP_DEG / DEG)
 
 
-def test_slopes_are_those_of_the_implicit_equations():
+def test_slopes_are_those_of_the_implicit_equations(at_postures):
     """d angles / d coordinates is the inverse of d (coordinates, g) / d angles, its columns of the coordinates."""
     girdle = load_model("R4").girdle
     _, angles = closed_postures("R4")
@@ -190,44 +200,58 @@ def test_slopes_are_those_of_the_implicit_equations():
         return jnp.concatenate([free_coordinates_mm(girdle, angles), constraint_residuals_mm(girdle, angles)])
 
     expected = np.linalg.inv(np.asarray(one_run(jax.jacfwd(equations))(q)))[:, :3]
-    for way in (jax.jacfwd, jax.jacrev):
-        found = way(lambda at: driven_alike(girdle, at[:, None])[:, 0])(coordinates)
+    both_ways = at_postures(
+        lambda at: [way(lambda at: drive(girdle, at).angles)(at) for way in (jax.jacfwd, jax.jacrev)]
+    )
+    for found in both_ways(driven(girdle, coordinates), coordinates):
         np.testing.assert_allclose(found, expected, rtol=SLOPES, atol=SLOPES * np.abs(expected).max())
 
 
-def test_slopes_in_the_girdle_and_second_slopes_agree_with_differences():
+def test_slopes_in_the_girdle_and_second_slopes_agree_with_differences(at_postures):
     girdle = load_model("R6").girdle
     _, angles = closed_postures("R6")
     coordinates = free_coordinates_mm(girdle, jnp.asarray(angles[:, 9]))
     theta = jnp.asarray(girdle.adapted_mm)
     h = 1e-3
 
-    def angles_at(at, theta):
-        return driven_alike(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at[:, None])[:, 0]
+    def adapted(theta):
+        return jax.tree.map(jnp.asarray, girdle).with_adapted(theta)
 
-    def check(function, x):
-        beside = [[function(x + sign * step) for sign in (1.0, -1.0)] for step in h * jnp.eye(len(x))]
+    def check(function, postures, x):
+        steps = h * jnp.eye(len(x))
+        slope_and_value = at_postures(jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True))
+        near = [[x + sign * step for sign in (1.0, -1.0)] for step in steps]
+        beside = [[slope_and_value(postures(one), one)[1] for one in pair] for pair in near]
         expected = jnp.stack([(more - less) / (2.0 * h) for more, less in beside], axis=-1)
-        found = jax.jacfwd(function)(x)
+        found, _ = slope_and_value(postures(x), x)
         np.testing.assert_allclose(found, expected, rtol=DIFFERENCES, atol=DIFFERENCES * np.abs(expected).max())
 
-    check(lambda theta: angles_at(coordinates, theta), theta)
-    check(jax.jacrev(lambda at: angles_at(at, theta)), coordinates)
+    check(
+        lambda theta: drive(adapted(theta), coordinates).angles,
+        lambda theta: driven(adapted(theta), coordinates),
+        theta,
+    )
+    check(jax.jacrev(lambda at: drive(girdle, at).angles), lambda at: driven(girdle, at), coordinates)
 
 
-def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are():
+def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are(at_postures):
     girdle = load_model("R2").girdle
     _, angles = closed_postures("R2")
     coordinates = free_coordinates_mm(girdle, angles[:, :3])
     far = coordinates.at[0, 1].add(500.0)
     middle = coordinates[:, [1, 1, 1]]
+    assert driven(girdle, far).words.tolist() == ["ok", "unreachable_AC", "ok"]
 
     def total(theta, at):
-        return jnp.sum(driven_alike(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at))
+        found = drive(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at)
+        return jnp.sum(jnp.where(found.status == 0, found.angles, 0.0))
 
-    theta = jnp.asarray(girdle.adapted_mm)
-    slope = jax.grad(total)
-    found, expected = slope(theta, far), slope(theta, coordinates) - slope(theta, middle) / 3.0
+    compiled = at_postures(jax.grad(total))
+
+    def slope(at):
+        return compiled(driven(girdle, at), jnp.asarray(girdle.adapted_mm), at)
+
+    found, expected = slope(far), slope(coordinates) - slope(middle) / 3.0
     assert np.abs(expected).max() > 0.0
     np.testing.assert_allclose(found, expected, rtol=SLOPES)
 
