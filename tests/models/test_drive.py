@@ -9,6 +9,7 @@ import pytest
 from programs import few_runs, one_run
 
 from adapt import fit_postures
+from adapt.tables.driven_table import drive_each
 from models import load_model
 from models.drive import DRIVEN, Driven, drive, free_coordinates_mm
 from models.girdle import Girdle, constraint_residuals_mm
@@ -29,20 +30,13 @@ SLOPES = 1e-9
 DIFFERENCES = 1e-6
 """Relative, of central differences over 1e-3 mm: truncation 1e-9, rounding 1e-12 / 1e-3."""
 
-TOGETHER = 64
-"""Postures that go through the program at once, filled up with copies: it is compiled once for all tests."""
 
-
-def driven(girdle: Girdle, coordinates_mm, start=None) -> Driven:
-    """``drive`` for one posture or several."""
-    asked = np.asarray(coordinates_mm).reshape(3, -1)
+def driven(girdle: Girdle, coordinates_mm, start=REST_DEG / DEG) -> Driven:
+    """``drive`` for one posture or several, by the program of ``girdle drive``: compiled once for all tests."""
+    asked, near = np.asarray(coordinates_mm).reshape(3, -1), np.asarray(start).reshape(6, -1)
     count = asked.shape[1]
-    near = None if start is None else np.broadcast_to(np.asarray(start).reshape(6, -1), (6, count))
-    lanes = np.minimum(np.arange(-(-count // TOGETHER) * TOGETHER), count - 1).reshape(-1, TOGETHER)
-    girdles = girdle.repeated(TOGETHER)
-    found = [drive(girdles, asked[:, some], None if near is None else near[:, some]) for some in lanes]
-    angles, status = (np.concatenate(each, axis=-1)[..., :count] for each in zip(*found, strict=True))
-    return Driven(angles, status) if np.ndim(coordinates_mm) > 1 else Driven(angles[:, 0], status[0])
+    found = drive_each(girdle.repeated(count), asked, np.broadcast_to(near, (6, count)))
+    return found if np.ndim(coordinates_mm) > 1 else Driven(found.angles[:, 0], found.status[0])
 
 
 @pytest.fixture
@@ -176,6 +170,13 @@ def test_coordinates_to_angles_to_coordinates_of_coordinates_all_around():
     assert np.abs(constraint_residuals_mm(girdle.over_axes(1), reached)).max() <= CLOSED_MM
     assert np.isnan(np.asarray(found.angles)[:, ~good]).all()
     assert {"unreachable_AC", "unreachable_TS"} <= set(found.words) <= set(DRIVEN)
+
+
+def test_without_a_start_it_starts_at_rest(monkeypatch):
+    starts = []
+    monkeypatch.setattr("models.drive._search", lambda girdle, coordinates, start: starts.append(start))
+    drive(load_model("R2").girdle, np.zeros((3, 2)))
+    np.testing.assert_array_equal(starts[0], np.repeat(REST_DEG[:, None] / DEG, 2, axis=1))
 
 
 def test_one_posture_without_numbers_leaves_the_others_as_they_are():

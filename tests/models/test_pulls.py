@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from programs import few_runs
 
+from adapt.tables.driven_table import drive_each
 from models import load_model
-from models.drive import drive, free_coordinates_mm
+from models.drive import free_coordinates_mm
 from models.girdle import bone_rotations
 from models.muscles.contact import angle_deg, contact_forces
 from models.muscles.muscle_lines import CLAVICLE, HUMERUS, SCAPULA, SERRATUS, THORAX, muscle_lines
@@ -45,16 +46,10 @@ def postures(name: str):
     return model, q[:, good], rest[:, None] + offsets[:, good]
 
 
-TOGETHER = 64
-"""Postures that all tests drive at once, filled up with copies: one program, that of tests/models/test_drive.py too."""
-
-
 def driven(model, coordinates, start) -> np.ndarray:
     """The angles at free coordinates, in an array of any shape, near others."""
     asked, near = coordinates.reshape(3, -1), np.broadcast_to(start, (6, *coordinates.shape[1:])).reshape(6, -1)
-    rows = np.minimum(np.arange(TOGETHER), asked.shape[1] - 1)
-    angles = np.asarray(drive(model.girdle.repeated(TOGETHER), asked[:, rows], near[:, rows]).angles)
-    return angles[:, : asked.shape[1]].reshape(6, *coordinates.shape[1:])
+    return drive_each(model.girdle.repeated(asked.shape[1]), asked, near).angles.reshape(6, *coordinates.shape[1:])
 
 
 def lengths_at(model, lines, q, humerus=None) -> np.ndarray:
