@@ -35,9 +35,8 @@ def _bracket(at, shape, window, samples) -> tuple[Array, Array, Bool[Array, " *b
     line = jnp.linspace(-window, window, samples)
     places = jnp.broadcast_to(line.reshape(samples, *[1] * len(shape)), (samples, *shape))
     values, _ = jax.lax.map(at, places)
-    extremum = _extremum(at, places, values)
-    places = jnp.concatenate([places, extremum[None]])
-    values = jnp.concatenate([values, at(extremum)[0][None]])
+    extremum, there = _extremum(at, places, values)
+    places, values = jnp.concatenate([places, extremum[None]]), jnp.concatenate([values, there[None]])
     order = jnp.argsort(places, axis=0)
     places, values = (jnp.take_along_axis(one, order, axis=0) for one in (places, values))
     changes = values[:-1] * values[1:] <= 0.0
@@ -48,21 +47,28 @@ def _bracket(at, shape, window, samples) -> tuple[Array, Array, Bool[Array, " *b
     return low, high, fall < 0.0, changes.any(axis=0)
 
 
-def _extremum(at, places, values) -> Array:
-    """Where the function is nearest to zero beside its sample nearest to zero; looked for while any has no root."""
+def _extremum(at, places, values) -> tuple[Array, Array]:
+    """Where the function is nearest to zero beside its sample nearest to zero, and its value there.
+
+    Looked for while any has no root, else that sample.
+    """
     k = jnp.clip(jnp.argmin(abs(values), axis=0), 1, len(values) - 2)[None]
-    low, high = (jnp.take_along_axis(places, k + side, axis=0)[0] for side in (-1, 1))
-    side = jnp.sign(jnp.take_along_axis(values, k, axis=0)[0])
+    low, here, high = (jnp.take_along_axis(places, k + side, axis=0)[0] for side in (-1, 0, 1))
+    value = jnp.take_along_axis(values, k, axis=0)[0]
+    side = jnp.sign(value)
     rootless = ~(values[:-1] * values[1:] <= 0.0).any(axis=0)
 
     def halve(state):
-        step, low, high = state
+        step, low, high, *_ = state
         middle = 0.5 * (low + high)
-        falls = at(middle)[1] * side < 0.0
-        return step + 1, jnp.where(falls, middle, low), jnp.where(falls, high, middle)
+        value, slope = at(middle)
+        falls = slope * side < 0.0
+        return step + 1, jnp.where(falls, middle, low), jnp.where(falls, high, middle), middle, value
 
-    _, low, high = jax.lax.while_loop(lambda state: (state[0] < _MOST_STEPS) & rootless.any(), halve, (0, low, high))
-    return 0.5 * (low + high)
+    def wanting(state):
+        return (state[0] < _MOST_STEPS) & rootless.any()
+
+    return jax.lax.while_loop(wanting, halve, (0, low, high, here, value))[-2:]
 
 
 def _within(at, low, high, rising, window) -> Array:

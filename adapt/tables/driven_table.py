@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Shaped
 
-from models.drive import DRIVEN, drive, free_coordinates_mm
-from models.girdle import constraint_residuals_mm, landmarks
+from adapt.engine.batching import in_chunks
+from models.drive import DRIVEN, Driven, drive, free_coordinates_mm
+from models.girdle import Girdle, constraint_residuals_mm, landmarks
 from models.parameter_sets import ParameterSet
 from motions.formats.angle_table import ORIGIN
 from motions.formats.free_coordinates import COORDINATE_COLUMNS, coordinates_mm
@@ -84,8 +85,19 @@ def driven_postures(motions: Motions, model: ParameterSet) -> DrivenPostures:
     """
     mm = coordinates_mm(motions)
     start_deg = np.where(np.isfinite(motions.angles_deg), motions.angles_deg, REST_DEG)
-    driven = drive(model.girdle, mm, start_deg.T / DEG)
+    driven = drive_each(model.girdle.repeated(mm.shape[1]), mm, start_deg.T / DEG)
     return _postures(motions, model, mm, np.asarray(driven.angles), driven.words)
+
+
+_AT_ONCE = 64
+"""Postures: one program is compiled for any number of them, in some 5 s."""
+
+
+def drive_each(
+    girdle: Girdle, coordinates_mm: Float[np.ndarray, "3 postures"], start: Float[np.ndarray, "6 postures"]
+) -> Driven:
+    """Drive a girdle a posture by its free coordinates, mm, from a start, rad: :func:`models.drive.drive`."""
+    return in_chunks(drive, _AT_ONCE, girdle, coordinates_mm, start)
 
 
 def coordinates_of_postures(motions: Motions, model: ParameterSet) -> DrivenPostures:

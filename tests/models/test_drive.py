@@ -9,8 +9,9 @@ import pytest
 from programs import few_runs, one_run
 
 from adapt import fit_postures
+from adapt.tables.driven_table import drive_each
 from models import load_model
-from models.drive import DRIVEN, drive, free_coordinates_mm
+from models.drive import DRIVEN, Driven, drive, free_coordinates_mm
 from models.girdle import Girdle, constraint_residuals_mm
 from motions import read_motions
 from motions.rhythm import REST_DEG
@@ -29,8 +30,32 @@ SLOPES = 1e-9
 DIFFERENCES = 1e-6
 """Relative, of central differences over 1e-3 mm: truncation 1e-9, rounding 1e-12 / 1e-3."""
 
-quick_drive = few_runs(drive)
-"""Compiled in a third of the time; the test of coordinates all around takes the project's own program."""
+
+def driven(girdle: Girdle, coordinates_mm, start=REST_DEG / DEG) -> Driven:
+    """``drive`` for one posture or several, by the program of ``girdle drive``: compiled once for all tests."""
+    asked, near = np.asarray(coordinates_mm).reshape(3, -1), np.asarray(start).reshape(6, -1)
+    count = asked.shape[1]
+    found = drive_each(girdle.repeated(count), asked, np.broadcast_to(near, (6, count)))
+    return found if np.ndim(coordinates_mm) > 1 else Driven(found.angles[:, 0], found.status[0])
+
+
+@pytest.fixture
+def at_postures(monkeypatch):
+    """Compile a function that drives: it is told the postures, as ``driven`` found them.
+
+    No derivative goes through the search for them, which takes most of the compilation.
+    """
+
+    def compiled(function):
+        def told(postures: Driven, *x):
+            with monkeypatch.context() as patch:
+                patch.setattr("models.drive._search", lambda *_: postures)
+                return function(*x)
+
+        return few_runs(told)
+
+    return compiled
+
 
 SETS = ("R2", "R4", "R6", "breteler_dissection", "breteler_mri")
 
@@ -79,7 +104,7 @@ def solved_by_hand(upper: bool, down: bool) -> tuple[Girdle, np.ndarray]:
 @pytest.mark.parametrize("down", [False, True])
 def test_each_branch_of_a_girdle_solved_by_hand_is_found_from_nearby(upper, down):
     girdle, expected_deg = solved_by_hand(upper, down)
-    found = quick_drive(girdle, COORDINATES_MM, (expected_deg + np.array([5.0, -4.0, 8.0, 6.0, -7.0, 5.0])) / DEG)
+    found = driven(girdle, COORDINATES_MM, (expected_deg + np.array([5.0, -4.0, 8.0, 6.0, -7.0, 5.0])) / DEG)
     assert found.words == "ok"
     np.testing.assert_allclose(np.asarray(found.angles) * DEG, expected_deg, rtol=0.0, atol=ROUND_TRIP_DEG)
 
@@ -103,7 +128,7 @@ def test_each_branch_of_a_girdle_solved_by_hand_is_found_from_nearby(upper, down
 )
 def test_what_cannot_be_reached_is_named_and_has_no_angles(word, coordinates, changed):
     girdle, near_deg = solved_by_hand(upper=True, down=True)
-    found = quick_drive(replace(girdle, **changed), np.asarray(coordinates), near_deg / DEG)
+    found = driven(replace(girdle, **changed), np.asarray(coordinates), near_deg / DEG)
     assert found.words == word
     assert np.isfinite(found.angles).all() == (word == "ok")
 
@@ -122,11 +147,11 @@ def test_angles_to_coordinates_to_angles_from_rest(name):
     girdle, angles = closed_postures(name)
     assert angles.shape[1] > 130
     coordinates = free_coordinates_mm(girdle, angles)
-    found = quick_drive(girdle, coordinates)
+    found = driven(girdle, coordinates)
     assert set(found.words) == {"ok"}
     same = np.abs(np.asarray(found.angles) - angles).max(axis=0) * DEG <= ROUND_TRIP_DEG
     assert (~same).sum() == (3 if name == "breteler_mri" else 0)
-    near = np.asarray(quick_drive(girdle, coordinates, np.where(same, angles, angles + 1.0 / DEG)).angles)
+    near = np.asarray(driven(girdle, coordinates, np.where(same, angles, angles + 1.0 / DEG)).angles)
     np.testing.assert_allclose(near * DEG, angles * DEG, rtol=0.0, atol=ROUND_TRIP_DEG)
     back = free_coordinates_mm(girdle, np.asarray(found.angles))
     np.testing.assert_allclose(back, coordinates, rtol=0.0, atol=ROUND_TRIP_DEG)
@@ -137,7 +162,7 @@ def test_coordinates_to_angles_to_coordinates_of_coordinates_all_around():
     girdle = load_model("R2").girdle
     rest = np.asarray(free_coordinates_mm(girdle, REST_DEG / DEG))[:, None]
     asked = rest + np.random.default_rng(3).uniform(-120.0, 120.0, (3, 400))
-    found = drive(girdle, asked)
+    found = driven(girdle, asked)
     good = found.words == "ok"
     assert 40 < good.sum() < 360
     reached = np.asarray(found.angles)[:, good]
@@ -147,18 +172,25 @@ def test_coordinates_to_angles_to_coordinates_of_coordinates_all_around():
     assert {"unreachable_AC", "unreachable_TS"} <= set(found.words) <= set(DRIVEN)
 
 
+def test_without_a_start_it_starts_at_rest(monkeypatch):
+    starts = []
+    monkeypatch.setattr("models.drive._search", lambda girdle, coordinates, start: starts.append(start))
+    drive(load_model("R2").girdle, np.zeros((3, 2)))
+    np.testing.assert_array_equal(starts[0], np.repeat(REST_DEG[:, None] / DEG, 2, axis=1))
+
+
 def test_one_posture_without_numbers_leaves_the_others_as_they_are():
     girdle, angles = closed_postures("R2")
     coordinates = np.array(free_coordinates_mm(girdle, angles))
-    alone = quick_drive(girdle, coordinates)
+    alone = driven(girdle, coordinates)
     coordinates[1, 3] = np.inf
-    found = quick_drive(girdle, coordinates)
+    found = driven(girdle, coordinates)
     assert found.words[3] == "invalid"
     others = np.arange(coordinates.shape[1]) != 3
     np.testing.assert_allclose(found.angles[:, others], alone.angles[:, others], rtol=0.0, atol=ROUND_TRIP_DEG / DEG)
 
 
-def test_slopes_are_those_of_the_implicit_equations():
+def test_slopes_are_those_of_the_implicit_equations(at_postures):
     """d angles / d coordinates is the inverse of d (coordinates, g) / d angles, its columns of the coordinates."""
     girdle = load_model("R4").girdle
     _, angles = closed_postures("R4")
@@ -169,47 +201,58 @@ def test_slopes_are_those_of_the_implicit_equations():
         return jnp.concatenate([free_coordinates_mm(girdle, angles), constraint_residuals_mm(girdle, angles)])
 
     expected = np.linalg.inv(np.asarray(one_run(jax.jacfwd(equations))(q)))[:, :3]
-    both_ways = few_runs(lambda at: [way(lambda at: drive(girdle, at).angles)(at) for way in (jax.jacfwd, jax.jacrev)])
-    for found in both_ways(coordinates):
+    both_ways = at_postures(
+        lambda at: [way(lambda at: drive(girdle, at).angles)(at) for way in (jax.jacfwd, jax.jacrev)]
+    )
+    for found in both_ways(driven(girdle, coordinates), coordinates):
         np.testing.assert_allclose(found, expected, rtol=SLOPES, atol=SLOPES * np.abs(expected).max())
 
 
-def test_slopes_in_the_girdle_and_second_slopes_agree_with_differences():
+def test_slopes_in_the_girdle_and_second_slopes_agree_with_differences(at_postures):
     girdle = load_model("R6").girdle
     _, angles = closed_postures("R6")
     coordinates = free_coordinates_mm(girdle, jnp.asarray(angles[:, 9]))
     theta = jnp.asarray(girdle.adapted_mm)
     h = 1e-3
 
-    def driven(at, theta):
-        return drive(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at).angles
+    def adapted(theta):
+        return jax.tree.map(jnp.asarray, girdle).with_adapted(theta)
 
-    def check(function, x):
+    def check(function, postures, x):
         steps = h * jnp.eye(len(x))
-        slope_and_value = few_runs(jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True))
-        beside = [[slope_and_value(x + sign * step)[1] for sign in (1.0, -1.0)] for step in steps]
+        slope_and_value = at_postures(jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True))
+        near = [[x + sign * step for sign in (1.0, -1.0)] for step in steps]
+        beside = [[slope_and_value(postures(one), one)[1] for one in pair] for pair in near]
         expected = jnp.stack([(more - less) / (2.0 * h) for more, less in beside], axis=-1)
-        found, _ = slope_and_value(x)
+        found, _ = slope_and_value(postures(x), x)
         np.testing.assert_allclose(found, expected, rtol=DIFFERENCES, atol=DIFFERENCES * np.abs(expected).max())
 
-    check(lambda theta: driven(coordinates, theta), theta)
-    check(jax.jacrev(lambda at: driven(at, theta)), coordinates)
+    check(
+        lambda theta: drive(adapted(theta), coordinates).angles,
+        lambda theta: driven(adapted(theta), coordinates),
+        theta,
+    )
+    check(jax.jacrev(lambda at: drive(girdle, at).angles), lambda at: driven(girdle, at), coordinates)
 
 
-def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are():
+def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are(at_postures):
     girdle = load_model("R2").girdle
     _, angles = closed_postures("R2")
     coordinates = free_coordinates_mm(girdle, angles[:, :3])
     far = coordinates.at[0, 1].add(500.0)
     middle = coordinates[:, [1, 1, 1]]
+    assert driven(girdle, far).words.tolist() == ["ok", "unreachable_AC", "ok"]
 
     def total(theta, at):
-        driven = drive(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at)
-        return jnp.sum(jnp.where(driven.status == 0, driven.angles, 0.0))
+        found = drive(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at)
+        return jnp.sum(jnp.where(found.status == 0, found.angles, 0.0))
 
-    theta = jnp.asarray(girdle.adapted_mm)
-    slope = few_runs(jax.grad(total))
-    found, expected = slope(theta, far), slope(theta, coordinates) - slope(theta, middle) / 3.0
+    compiled = at_postures(jax.grad(total))
+
+    def slope(at):
+        return compiled(driven(girdle, at), jnp.asarray(girdle.adapted_mm), at)
+
+    found, expected = slope(far), slope(coordinates) - slope(middle) / 3.0
     assert np.abs(expected).max() > 0.0
     np.testing.assert_allclose(found, expected, rtol=SLOPES)
 

@@ -83,7 +83,7 @@ CONTRACT = [
 GIRDLE = load_model("R2").girdle
 BONES = bones(GIRDLE)
 _MOTIONS = simulate_subjects(1, seed=4, noise_deg=0.0)
-ANGLES = jnp.asarray(_MOTIONS.angles_deg.T / DEG)
+ANGLES = np.asarray(_MOTIONS.angles_deg.T / DEG)
 POSTURES = ANGLES.shape[1]
 
 each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
@@ -91,34 +91,31 @@ each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 
 def chain(*acting: tuple[Effect, np.ndarray]) -> ExtendedGirdle:
     """R2 with effects of given strengths (channels,), the same in all postures."""
-    strengths = tuple(jnp.repeat(jnp.asarray(strength, float)[:, None], POSTURES, axis=1) for _, strength in acting)
+    strengths = tuple(np.repeat(np.asarray(strength, float)[:, None], POSTURES, axis=1) for _, strength in acting)
     return ExtendedGirdle(GIRDLE.over_axes(1), ActiveEffects(strengths, tuple(effect for effect, _ in acting)))
 
 
-@few_runs
-def looked_at(extended: ExtendedGirdle, angles):
-    """Residuals: compiled once for each tuple of effects."""
-    return extended.residuals_mm(angles)
-
-
 def residuals(extended: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
-    return np.asarray(looked_at(extended, angles))
+    """By NumPy, but for what an effect leaves to JAX."""
+    return np.asarray(extended.residuals_mm(angles))
 
 
 @few_runs
-def slope(extended: ExtendedGirdle, direction: ExtendedGirdle):
-    """Derivative of the residuals at ANGLES along the strengths of ``direction``."""
+def value_and_slope(extended: ExtendedGirdle, direction: ExtendedGirdle):
+    """By JAX, the residuals and their slope along the strengths of ``direction``: compiled once an effect."""
 
     def residuals_at(active_effects):
-        return replace(extended, active_effects=active_effects).residuals_mm(ANGLES)
+        return replace(extended, active_effects=active_effects).residuals_mm(jnp.asarray(ANGLES))
 
-    return jax.jvp(residuals_at, (extended.active_effects,), (direction.active_effects,))[1]
+    return jax.jvp(residuals_at, (extended.active_effects,), (direction.active_effects,))
 
 
 def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:
-    """The derivative is that of central differences."""
-    up, down = (residuals(chain((effect, at + sign * FD_STEP * direction))) for sign in (1.0, -1.0))
-    close(slope(chain((effect, at)), chain((effect, direction))), (up - down) / (2.0 * FD_STEP), FD_TOLERANCE_MM)
+    """JAX's value is NumPy's, and its derivative that of central differences of NumPy's."""
+    up, here, down = (residuals(chain((effect, at + step * direction))) for step in (FD_STEP, 0.0, -FD_STEP))
+    value, slope = value_and_slope(chain((effect, at)), chain((effect, direction)))
+    close(value, here)
+    close(slope, (up - down) / (2.0 * FD_STEP), FD_TOLERANCE_MM)
 
 
 def scale(effect: Effect) -> np.ndarray:
@@ -144,12 +141,9 @@ def rotations(angles=ANGLES) -> tuple[np.ndarray, np.ndarray]:
     return C, S
 
 
-def angles_of(R_clavicle: np.ndarray, R_scapula: np.ndarray) -> jnp.ndarray:
+def angles_of(R_clavicle: np.ndarray, R_scapula: np.ndarray) -> np.ndarray:
     """Six angles (6, postures) of matrices (postures, 3, 3)."""
-    return jnp.concatenate([cardan_from_rotation(jnp.asarray(np.moveaxis(R, 0, -1))) for R in (R_clavicle, R_scapula)])
-
-
-_residuals = jax.jit(constraint_residuals_mm)
+    return np.concatenate([cardan_from_rotation(np.moveaxis(R, 0, -1)) for R in (R_clavicle, R_scapula)])
 
 
 def base_ts_and_ai() -> np.ndarray:
@@ -160,7 +154,7 @@ def base_ts_and_ai() -> np.ndarray:
 
 
 def base_residuals(angles=ANGLES) -> np.ndarray:
-    return np.asarray(_residuals(GIRDLE.over_axes(1), angles))
+    return np.asarray(constraint_residuals_mm(GIRDLE.over_axes(1), angles))
 
 
 def close(found, expected, tolerance: float = GEOMETRY_MM) -> None:
@@ -209,10 +203,8 @@ def test_small_effects_add_up_and_their_order_does_not_matter():
     acting = np.array([[k in case for case in [(), *((k,) for k in range(len(effects))), *pairs]]
                        for k in range(len(effects))])  # fmt: skip
     acting = np.repeat(acting, POSTURES, axis=1)
-    strengths = tuple(
-        jnp.asarray(SMALL * unequal(effect)[:, None] * act) for effect, act in zip(effects, acting, strict=True)
-    )
-    angles = jnp.tile(ANGLES, (1, acting.shape[1] // POSTURES))
+    strengths = tuple(SMALL * unequal(effect)[:, None] * act for effect, act in zip(effects, acting, strict=True))
+    angles = np.tile(ANGLES, (1, acting.shape[1] // POSTURES))
     in_orders = (ActiveEffects(strengths[::way], effects[::way]) for way in (1, -1))
     forth, back = (residuals(ExtendedGirdle(GIRDLE.over_axes(1), order), angles) for order in in_orders)
     close(forth[:, :POSTURES], base_residuals(), GEOMETRY_MM)
@@ -362,7 +354,7 @@ def test_by_posture_is_the_effect_with_a_strength_along_the_bones_own_angles(nam
     assert twin.directions == tuple(f"{one} by {angle}" for one in effect.directions for angle in effect.may_follow)
     found = chain((twin, unequal(twin)))
     strengths = np.stack([by_posture(name, k) for k in range(POSTURES)], axis=1)
-    expected = ExtendedGirdle(GIRDLE.over_axes(1), ActiveEffects((jnp.asarray(strengths),), (effect,)))
+    expected = ExtendedGirdle(GIRDLE.over_axes(1), ActiveEffects((strengths,), (effect,)))
     assert np.abs(strengths).max() > 0.1
     close(residuals(found), residuals(expected), 20.0 * HANGING_STRENGTH)
 

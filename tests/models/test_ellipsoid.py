@@ -40,9 +40,35 @@ EXACT = 1e-13
 THORAX = jnp.array([153.0, 404.0, 130.0])
 ZERO = jnp.zeros(3)
 
-distance = jax.jit(lambda p, a: signed_distance_mm(p, jnp.zeros_like(p), a))
-closest_point_multiplier_near = jax.jit(closest_point)
+SIDE_BY_SIDE = 128
+"""Points in one program: it is compiled once for all tests."""
+
+
+def side_by_side(function):
+    """A program of (3, points) arguments of any number, filled up with copies of the last."""
+    program = jax.jit(function)
+
+    def run(*given):
+        given = [np.asarray(x) for x in given]
+        shape = np.broadcast_shapes(*(x.shape for x in given))
+        flat = [np.broadcast_to(x, shape).reshape(3, -1) for x in given]
+        count = flat[0].shape[1]
+        lanes = np.minimum(np.arange(-(-count // SIDE_BY_SIDE) * SIDE_BY_SIDE), count - 1).reshape(-1, SIDE_BY_SIDE)
+        found = np.concatenate([program(*(x[:, some] for x in flat)) for some in lanes], axis=-1)[..., :count]
+        return found.reshape((*found.shape[:-1], *shape[1:]))
+
+    return run
+
+
+distance_from = side_by_side(signed_distance_mm)
+closest = side_by_side(closest_point)
 gradient = jax.jit(jax.grad(signed_distance_mm, argnums=(0, 1, 2)))
+
+
+def distance(p, a) -> np.ndarray:
+    """From the centre."""
+    return distance_from(p, np.zeros_like(p), a)
+
 
 OFF_PLANE_MM = 0.1
 """How far the points of the property tests keep off the symmetry planes: deep inside, nearer to that of the shortest
@@ -77,7 +103,7 @@ def test_on_a_sphere_it_is_the_distance_to_the_centre(radius):
 def test_the_centre_moves_with_the_points():
     points = jnp.asarray(np.random.default_rng(1).normal(0.0, 300.0, (3, 100)))
     centre, axes = jnp.array([[5.0], [-296.0], [78.0]]), jnp.broadcast_to(THORAX[:, None], points.shape)
-    found = signed_distance_mm(points + centre, centre, THORAX[:, None])
+    found = distance_from(points + centre, centre, THORAX[:, None])
     np.testing.assert_allclose(found, distance(points, axes), rtol=0.0, atol=ROUNDING_MM)
 
 
@@ -92,22 +118,19 @@ def test_points_along_the_normal_come_back_to_their_foot():
     found = distance(jnp.asarray(p), jnp.asarray(a))
     np.testing.assert_allclose(found, t * np.linalg.norm(x / a**2, axis=0), atol=ROUNDING_MM, rtol=1e-12)
     # Next to the evolute (t = -min a^2) the foot point slides 1 / (1 + t / min a^2) = 100 times as far as p.
-    np.testing.assert_allclose(
-        closest_point_multiplier_near(jnp.asarray(p), jnp.asarray(a)), x, rtol=0.0, atol=100.0 * ROUNDING_MM
-    )
+    np.testing.assert_allclose(closest(jnp.asarray(p), jnp.asarray(a)), x, rtol=0.0, atol=100.0 * ROUNDING_MM)
 
 
 def test_the_multiplier_of_a_foot_by_hand():
     """p = x + t x / a^2 with a foot x that is chosen: t comes back, in numpy and in JAX, inside as outside."""
     x, a = sample(20, seed=8)
+    multiplier = side_by_side(closest_point_multiplier)
     for t in (-2000.0, 500.0, 30_000.0):
         p = x + t * x / a**2
-        for found in (closest_point_multiplier(p, a), closest_point_multiplier(jnp.asarray(p), jnp.asarray(a))):
+        for found in (closest_point_multiplier(p, a), multiplier(p, a)):
             np.testing.assert_allclose(found, t, rtol=MULTIPLIER)
     r, d = 100.0, 7.0
-    assert float(closest_point_multiplier(jnp.array([r + d, 0.0, 0.0]), jnp.full(3, r))) == pytest.approx(
-        d * r, rel=MULTIPLIER
-    )
+    assert float(multiplier(np.array([r + d, 0.0, 0.0]), np.full(3, r))) == pytest.approx(d * r, rel=MULTIPLIER)
 
 
 def test_numpy_finds_what_jax_finds():
@@ -123,7 +146,7 @@ def test_a_point_on_the_plane_has_its_foot_on_the_positive_side():
     """Of the centre the two ends of the shortest axis are equally near; a point below the plane, however little, goes
     down."""
     for side, z in ((1.0, 0.0), (1.0, 1e-9), (-1.0, -1e-9), (1.0, 1e-12), (-1.0, -1e-12)):
-        found = closest_point(jnp.array([0.0, 0.0, z]), THORAX)
+        found = closest(np.array([0.0, 0.0, z]), THORAX)
         np.testing.assert_allclose(found, [0.0, 0.0, side * 130.0], rtol=0.0, atol=1e-6)
 
 
@@ -131,7 +154,8 @@ def test_the_distance_beside_its_derivatives_is_the_distance():
     """The rule of the derivative says the value anew."""
     x, a = sample(20, seed=10)
     p = jnp.asarray(1.3 * x)
-    value, _ = jax.jvp(distance, (p, jnp.asarray(a)), (jnp.ones_like(p), jnp.zeros_like(p)))
+    from_centre = few_runs(lambda p: jax.jvp(lambda p: signed_distance_mm(p, jnp.zeros_like(p), a), (p,), (p,)))
+    value, _ = from_centre(p)
     np.testing.assert_allclose(value, distance(p, jnp.asarray(a)), rtol=0.0, atol=ROUNDING_MM)
 
 
@@ -139,7 +163,7 @@ def test_foot_points_are_on_the_surface_and_the_normal_meets_the_point():
     generator = np.random.default_rng(4)
     a = generator.uniform(60.0, 450.0, (3, 100_000))
     p = generator.uniform(-2.0, 2.0, a.shape) * a
-    x = np.asarray(closest_point_multiplier_near(jnp.asarray(p), jnp.asarray(a)))
+    x = np.asarray(closest(jnp.asarray(p), jnp.asarray(a)))
     assert np.abs(np.sum((x / a) ** 2, axis=0) - 1.0).max() <= ON_SURFACE
     n = x / a**2
     n = n / np.linalg.norm(n, axis=0)
@@ -203,9 +227,7 @@ def test_deep_inside_next_to_the_plane_of_the_shortest_axis():
     found = [float(distance(ZERO, jnp.asarray(a))) for a in axes.T[:200]]
     np.testing.assert_allclose(found, -axes.min(axis=0)[:200], rtol=0.0, atol=ROUNDING_MM)
     for scale in (1e-12, 1e-9, 1e-6, 1e-3):
-        x = np.asarray(
-            closest_point_multiplier_near(jnp.asarray(scale * generator.normal(size=axes.shape)), jnp.asarray(axes))
-        )
+        x = np.asarray(closest(jnp.asarray(scale * generator.normal(size=axes.shape)), jnp.asarray(axes)))
         assert np.abs(np.sum((x / axes) ** 2, axis=0) - 1.0).max() <= ON_SURFACE
 
 
@@ -280,7 +302,7 @@ def central(f, x: np.ndarray, step: float = 1e-4) -> np.ndarray:
 def test_the_gradient_is_that_of_differences(point):
     p, c, a = np.array(point), np.array([1.0, -2.0, 3.0]), np.array(THORAX)
     by_point, by_centre, by_axes = (np.asarray(g) for g in gradient(p, c, a))
-    f = jax.jit(signed_distance_mm)
+    f = distance_from
     np.testing.assert_allclose(by_point, central(lambda x: f(x, c, a), p), rtol=0.0, atol=GRADIENT_FD)
     np.testing.assert_allclose(by_centre, central(lambda x: f(p, x, a), c), rtol=0.0, atol=GRADIENT_FD)
     np.testing.assert_allclose(by_axes, central(lambda x: f(p, c, x), a), rtol=0.0, atol=GRADIENT_FD)

@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from programs import few_runs, one_run
+from programs import few_runs
 
+from adapt.tables.driven_table import drive_each
 from models import load_model
-from models.drive import drive, free_coordinates_mm
+from models.drive import free_coordinates_mm
 from models.girdle import bone_rotations
 from models.muscles.contact import angle_deg, contact_forces
 from models.muscles.muscle_lines import CLAVICLE, HUMERUS, SCAPULA, SERRATUS, THORAX, muscle_lines
@@ -29,8 +30,6 @@ from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_
 SLOPE = 1e-5
 """The bar: arms are tens of mm, and the differences exact to 1e-6."""
 
-quick_drive = few_runs(drive)
-
 SETS = ("R2", "R4", "R6")
 """Those that are closed at rest."""
 
@@ -41,10 +40,27 @@ def postures(name: str):
     model = load_model(name)
     rest = np.asarray(free_coordinates_mm(model.girdle, REST_DEG / DEG))
     offsets = np.array([[0.0, 6.0, -5.0, 3.0, 8.0], [0.0, -4.0, 3.0, 6.0, -7.0], [0.0, 3.0, -2.0, 4.0, 2.0]])
-    driven = one_run(drive)(model.girdle, rest[:, None] + offsets)
-    good = np.flatnonzero(driven.words == "ok")[:3]
+    q = driven(model, rest[:, None] + offsets, (REST_DEG / DEG)[:, None])
+    good = np.flatnonzero(np.isfinite(q).all(axis=0))[:3]
     assert len(good) == 3
-    return model, np.asarray(driven.angles)[:, good], rest[:, None] + offsets[:, good]
+    return model, q[:, good], rest[:, None] + offsets[:, good]
+
+
+def driven(model, coordinates, start) -> np.ndarray:
+    """The angles at free coordinates, in an array of any shape, near others."""
+    asked, near = coordinates.reshape(3, -1), np.broadcast_to(start, (6, *coordinates.shape[1:])).reshape(6, -1)
+    return drive_each(model.girdle.repeated(asked.shape[1]), asked, near).angles.reshape(6, *coordinates.shape[1:])
+
+
+def lengths_at(model, lines, q, humerus=None) -> np.ndarray:
+    """The lengths in postures in an array of any shape, all at once: each call costs as much as one of 64."""
+    held = None if humerus is None else humerus.reshape(3, -1)
+    return pulls(lines, model.girdle, q.reshape(6, -1), held).length_mm.reshape(-1, *q.shape[1:])
+
+
+def beside(x: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """x moved by each step in each of its components: (component, step, moved component, posture)."""
+    return x[:, None, None] + steps[:, None, None] * np.eye(len(x))[:, None, :, None]
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -53,11 +69,8 @@ def test_arms_by_angle_are_slopes_of_the_length(name):
     lines = muscle_lines(model)
     arms = arms_by_angle_mm(lines, pulls(lines, model.girdle, q), model.girdle, q)
     h = 1e-6
-    for k in range(6):
-        step = np.zeros((6, 1))
-        step[k] = h
-        more, less = (pulls(lines, model.girdle, q + sign * step).length_mm for sign in (1.0, -1.0))
-        np.testing.assert_allclose(arms[k], -(more - less) / (2 * h), atol=SLOPE)
+    more, less = np.moveaxis(lengths_at(model, lines, beside(q, np.array([h, -h]))), 1, 0)
+    np.testing.assert_allclose(arms, -np.moveaxis(more - less, 1, 0) / (2 * h), atol=SLOPE)
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -67,17 +80,11 @@ def test_arms_in_the_free_directions_are_slopes_along_the_driven_chain(name):
     by_angle = arms_by_angle_mm(lines, pulls(lines, model.girdle, q), model.girdle, q)
     arms = arms_in_free_directions(by_angle, free_directions(model.girdle, q))
     h = 1e-3
-    for k in range(3):
-        step = np.zeros((3, 1))
-        step[k] = h
-
-        def at(times, step=step):
-            return pulls(
-                lines, model.girdle, np.asarray(quick_drive(model.girdle, c + times * step, q).angles)
-            ).length_mm
-
-        difference = (8.0 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12.0 * h)
-        np.testing.assert_allclose(arms[k], -difference, atol=SLOPE * np.abs(arms[k]).max())
+    moved = driven(model, beside(c, h * np.array([1.0, -1.0, 2.0, -2.0])), q[:, None, None])
+    one, back, two, two_back = np.moveaxis(lengths_at(model, lines, moved), 1, 0)
+    difference = np.moveaxis(8.0 * (one - back) - (two - two_back), 1, 0) / (12.0 * h)
+    for found, expected in zip(arms, difference, strict=True):
+        np.testing.assert_allclose(found, -expected, atol=SLOPE * np.abs(found).max())
 
 
 def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
@@ -87,20 +94,21 @@ def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
     found = pulls(lines, model.girdle, q, held)
     R_clavicle, R_scapula = bone_rotations(q)
     h = 1e-6
+    postures_beside, arms_beside = [], []
     for axis in range(3):
-        lengths = {}
         for sign in (1.0, -1.0):
             turn = np.zeros((3, q.shape[1]))
             turn[axis] = sign * h
             R = rotation_from_vector(turn)
-            arm = humerus_angles(compose(R, humerus_rotation(held)))
             scapula = cardan_from_rotation(compose(R, R_scapula))
-            clavicle = cardan_from_rotation(compose(R, R_clavicle))
-            for joint, moved in (("ac", q[:3]), ("sc", clavicle)):
-                lengths[joint, sign] = pulls(lines, model.girdle, np.concatenate([moved, scapula]), arm).length_mm
-        for joint, arms in (("sc", found.about_sc_mm), ("ac", found.about_ac_mm)):
-            difference = (lengths[joint, 1.0] - lengths[joint, -1.0]) / (2 * h)
-            np.testing.assert_allclose(arms[axis], -difference, atol=SLOPE)
+            for clavicle in (cardan_from_rotation(compose(R, R_clavicle)), q[:3]):
+                postures_beside.append(np.concatenate([clavicle, scapula]))
+                arms_beside.append(humerus_angles(compose(R, humerus_rotation(held))))
+    lengths = lengths_at(model, lines, *(np.stack(one, axis=1) for one in (postures_beside, arms_beside)))
+    more, less = np.moveaxis(lengths.reshape(len(lengths), 3, 2, 2, -1), 2, 0)
+    difference = np.moveaxis(more - less, 0, 2) / (2 * h)
+    for joint, arms in enumerate((found.about_sc_mm, found.about_ac_mm)):
+        np.testing.assert_allclose(arms, -difference[:, joint], atol=SLOPE)
 
 
 def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
@@ -112,8 +120,7 @@ def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
         return lengths_mm(lines, model.girdle, q[:, None])[:, 0]
 
     by_angle = jax.jacfwd(lambda q: (lengths(q),) * 2, has_aux=True)
-    derivatives = few_runs(lambda q: (*by_angle(q), jax.hessian(lengths)(q)))
-    by_angle_mm, length, bends = derivatives(q)
+    by_angle_mm, length, bends = few_runs(lambda q: (*by_angle(q), jax.hessian(lengths)(q)))(q)
     arms, slopes = -by_angle_mm, -bends
     found = pulls(lines, model.girdle, np.asarray(q)[:, None])
     np.testing.assert_allclose(length, found.length_mm[:, 0], rtol=1e-12)
@@ -122,16 +129,19 @@ def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
         arms, arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
     )
     h = 1e-5
-    beside = [[-derivatives(q + sign * h * unit)[0] for sign in (1.0, -1.0)] for unit in np.eye(6)]
-    difference = np.stack([(more - less) / (2 * h) for more, less in beside], axis=-1)
-    np.testing.assert_allclose(slopes, difference, atol=SLOPE)
+    moved = beside(np.asarray(q)[:, None], np.array([h, -h])).reshape(6, -1)
+    there = arms_by_angle_mm(lines, pulls(lines, model.girdle, moved), model.girdle, moved)
+    more, less = np.moveaxis(there.reshape(6, -1, 2, 6), 2, 0)
+    np.testing.assert_allclose(slopes, np.swapaxes(more - less, 0, 1) / (2 * h), atol=SLOPE)
 
 
-def test_the_points_of_the_lines_go_from_end_to_end_as_far_as_the_lines_are_long():
+def test_the_points_of_the_lines_go_from_end_to_end_as_far_as_the_lines_are_long(monkeypatch):
     """Round the ellipsoid by chords of a 200th of the contact; the end inside is its closest point of the surface."""
     model, q, _ = postures("R2")
     lines = muscle_lines(model)
-    points, found = line_points_mm(lines, model.girdle, q, 201), pulls(lines, model.girdle, q)
+    found = pulls(lines, model.girdle, q)
+    monkeypatch.setattr("models.muscles.pulls._BLOCK", q.shape[1])  # of 64, most would be copies
+    points = line_points_mm(lines, model.girdle, q, 201)
     along = np.linalg.norm(np.diff(points, axis=0), axis=1).sum(axis=0)
     np.testing.assert_allclose(along, found.length_mm, rtol=1e-5)
     clear = found.depth_mm == 0.0

@@ -276,8 +276,8 @@ def test_what_is_missing_has_no_path():
 
 def test_any_shape_of_batch_gives_the_same_paths():
     p, q = around(600, BRETELER, 12), around(600, BRETELER, 13)
-    whole = shortest_path(p, q, BRETELER[:, None])
-    shaped = few_runs(shortest_path)(p.reshape(3, 20, 30), q.reshape(3, 20, 30), BRETELER.reshape(3, 1, 1))
+    whole = paths(p, q, BRETELER[:, None])
+    shaped = shortest_path(p.reshape(3, 20, 30), q.reshape(3, 20, 30), BRETELER.reshape(3, 1, 1))
     np.testing.assert_allclose(np.asarray(shaped.length_mm).ravel(), whole.length_mm, atol=1e-9)
     np.testing.assert_allclose(np.asarray(shaped.from_q).reshape(3, 600), whole.from_q, atol=1e-8)
 

@@ -21,11 +21,16 @@ def drawn_once(kind: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("kind", BY_KIND)
-def test_figures_are_the_same_bytes_on_a_second_draw_and_valid_xml(kind):
+def test_figures_are_valid_xml(kind):
     drawn = drawn_once(kind)
     assert tuple(drawn) == FIGURES
-    assert drawn == figures(BY_KIND[kind])
     assert all(words(svg) for svg in drawn.values())
+
+
+@pytest.mark.parametrize("kind", ["many", "nothing"])
+def test_figures_are_the_same_bytes_on_a_second_draw(kind):
+    """With and without causes: which marks are drawn changes nothing in how they are written."""
+    assert drawn_once(kind) == figures(BY_KIND[kind])
 
 
 def test_figures_say_their_numbers():
@@ -44,7 +49,8 @@ def test_bars_of_named_causes_are_dark():
     assert light == [len(CAUSES), len(CAUSES) - 3]
 
 
-@pytest.mark.parametrize("name", ["$x^2$ & <b>", "horizontal_flexion"])
-def test_names_from_files_are_drawn_as_they_are(name):
-    motions = [replace(one, motion=f"{name} {k}") for k, one in enumerate(5 * ONE.where.cells)]
-    assert f"{name} 14" in words(figures(replace(ONE, where=replace(ONE.where, cells=motions)))["gap_heatmap.svg"])
+def test_names_from_files_are_drawn_as_they_are():
+    names = [f"{name} {k}" for k in range(15) for name in ("$x^2$ & <b>", "horizontal_flexion")]
+    motions = [replace(one, motion=name) for one, name in zip(10 * ONE.where.cells, names, strict=False)]
+    drawn = words(figures(replace(ONE, where=replace(ONE.where, cells=motions)))["gap_heatmap.svg"])
+    assert {"$x^2$ & <b> 14", "horizontal_flexion 14"} <= {*drawn}

@@ -34,7 +34,7 @@ class Thorax(NamedTuple):
 
     def __call__(self, theta_mm: Float[np.ndarray, "adapted parts"]) -> ThoraxTerms:
         """Compute D of every part at theta, with its slopes."""
-        D, gradient, matrix = _kernel(*self, theta_mm)
+        D, gradient, matrix = thorax_kernel(*self, theta_mm)
         return D, gradient, matrix.reshape(_N, _N, -1)
 
 
@@ -51,7 +51,7 @@ def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):
     return D, stacked(gradient), stacked(matrix)
 
 
-_kernel = Kernel(
+thorax_kernel = Kernel(
     "thorax",
     _terms,
     (GIRDLE, "3 points", "points", "points", f"{_N}"),

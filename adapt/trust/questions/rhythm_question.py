@@ -3,10 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
+from adapt.tables.driven_table import drive_each
 from adapt.trust.questions.answer import RHYTHM, Answer, Collector
 from adapt.trust.questions.persons import AdaptedRows, Interval, Persons, closest
 from adapt.trust.questions.rhythm_prediction import Predicted, predict_from_lowest
-from models.drive import drive, free_coordinates_mm
+from models.drive import free_coordinates_mm
 from motions.rotations import DEG
 from motions.table import ANGLES, BONES, Motions
 
@@ -76,7 +77,7 @@ def simulated_deg(data: AdaptedRows, rhythm_deg: Float[np.ndarray, "rows 6"]) ->
 
 def driven(girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 rows"]:
     """Drive the girdle by the free coordinates that it would have at these angles, rad, the chain left open."""
-    return np.asarray(drive(girdle, free_coordinates_mm(girdle, angles), np.nan_to_num(angles)).angles)
+    return drive_each(girdle, free_coordinates_mm(girdle, angles), np.nan_to_num(angles)).angles
 
 
 def _width_deg(persons: Persons, off_deg: Float[np.ndarray, " rows"]) -> float:
