@@ -71,4 +71,4 @@ def test_intervals_of_persons_who_differ_twice_as_much_hold(twice):
         close = np.abs(own.sizes - twice.sizes) <= 1.96 * own.sd
         inside[word] = [close[k == GROUP].mean() for k in (1, 2)]
     assert min(inside["slopes"]) < 0.925
-    assert 0.925 < min(inside["valleys"]) <= max(inside["valleys"]) < 0.97, inside
+    assert 0.925 < min(inside["valleys"]) <= max(inside["valleys"]) < 0.98, inside  # 95 %, with an error of 1 %

@@ -35,6 +35,9 @@ OPEN_MM = 1e-6
 KKT_TOLERANCE = 1e-9
 """deg^2 a degree. The solver stops at a tenth of it; NumPy's second computation adds its own rounding."""
 
+SLSQP_ENDS = 0.97
+"""Share of postures whose optimum SLSQP finds: SciPy 1.17 misses two of 140 at most, 1.18 three."""
+
 HIGHER_SHARE = 0.01
 """A fit from two starts finds a near valley, not always the deepest: share of postures, 15 degrees off, where SLSQP
 from the measured angles falls into a deeper one (seen: 0.4 %; ours is the deeper one in 2 %)."""
@@ -323,7 +326,7 @@ def other_valleys(
     one: Problem, found: PostureSolution | Answer, oracle: dict[int, Posture]
 ) -> tuple[list[int], list[int]]:
     """Lanes where J is lower, and higher, than SLSQP's. In both, SLSQP started from ours must stay there."""
-    assert len(oracle) >= 0.98 * one.count, f"SLSQP itself gave up on {one.count - len(oracle)} of {one.count} postures"
+    assert len(oracle) >= SLSQP_ENDS * one.count, f"SLSQP itself gave up on {one.count - len(oracle)} of {one.count} postures"
     excess = {k: float(found.j_deg2[k]) - best.j_deg2 for k, best in oracle.items() if found.converged[k]}
     lower = [k for k, d in excess.items() if d < -J_TOLERANCE_DEG2]
     higher = [k for k, d in excess.items() if d > J_TOLERANCE_DEG2]
