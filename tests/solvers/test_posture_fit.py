@@ -326,7 +326,7 @@ def other_valleys(
     one: Problem, found: PostureSolution | Answer, oracle: dict[int, Posture]
 ) -> tuple[list[int], list[int]]:
     """Lanes where J is lower, and higher, than SLSQP's. In both, SLSQP started from ours must stay there."""
-    assert len(oracle) >= SLSQP_ENDS * one.count, f"SLSQP itself gave up on {one.count - len(oracle)} of {one.count} postures"
+    assert len(oracle) >= SLSQP_ENDS * one.count, f"SLSQP itself gave up on {one.count - len(oracle)} of {one.count}"
     excess = {k: float(found.j_deg2[k]) - best.j_deg2 for k, best in oracle.items() if found.converged[k]}
     lower = [k for k, d in excess.items() if d < -J_TOLERANCE_DEG2]
     higher = [k for k, d in excess.items() if d > J_TOLERANCE_DEG2]
