@@ -28,7 +28,7 @@ from jaxtyping import Float
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.inference.alternatives import FRAMES
-from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, TURNED_BY_ESTIMATE
+from adapt.diagnosis.inference.computed_axial_rotation import is_its_zero
 from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -242,8 +242,7 @@ class OwnBonesNull:
 
     def _is_common(self, name: str, named: Hypothesis) -> bool:
         """Tell whether all have something in common of a constant that no computed axial rotation brings with it."""
-        is_its_zero = cause_of(name) == TURNED_BY_ESTIMATE and ESTIMATE in self.search.known
-        return not is_its_zero and self.common(name, named) >= SURE
+        return not is_its_zero(cause_of(name), self.search.known) and self.common(name, named) >= SURE
 
     def common(self, name: str, hypothesis: Hypothesis) -> float:
         """Compute how probably all have something in common of a constant of a set, over persons drawn anew."""

@@ -29,10 +29,10 @@ from adapt.own_bones.most_probable import (
     Rows,
     most_probable,
     of_problems,
-    persons_first,
     repeated,
     take_found,
 )
+from adapt.own_bones.posture_steps import persons_first
 from motions.rotations import DEG
 
 _SEED = 0

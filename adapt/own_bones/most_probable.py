@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems, where_problems, with_problems
-from adapt.own_bones.posture_steps import Eliminated, Postures, eliminate, violations_mm
+from adapt.own_bones.posture_steps import Eliminated, Postures, eliminate, persons_first, violations_mm
 from adapt.solvers.newton.elimination import STEP_LIMIT_RAD
 from adapt.solvers.projection.damped_steps import Steps, until_ended
 from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers, strengths_rows
@@ -91,12 +91,6 @@ class Parts(NamedTuple):
 
     part: Int[np.ndarray, " rows"]
     group: Int[np.ndarray, " problems"]
-
-
-def persons_first(values: Float[np.ndarray, "*k problems"]) -> Float[np.ndarray, " problems *k"]:
-    """Lay out the numbers of each person one after the other, so that sums over them are the same to the last digit
-    whoever else is there."""
-    return np.ascontiguousarray(values.transpose(-1, *range(values.ndim - 1)))
 
 
 class Prior(NamedTuple):

@@ -25,11 +25,11 @@ from adapt.own_bones.most_probable import (
     Rows,
     most_probable,
     of_problems,
-    persons_first,
     repeated,
     staged,
     take_found,
 )
+from adapt.own_bones.posture_steps import persons_first
 from adapt.own_bones.scales import (
     GROUP_OF_SIZE,
     IN_GROUP,

@@ -28,6 +28,12 @@ _PIVOT_FLOOR = 1e-6
 _CHUNK = 256
 
 
+def persons_first(values: Float[np.ndarray, "*k problems"]) -> Float[np.ndarray, " problems *k"]:
+    """Lay out the numbers of each person one after the other, so that sums over them are the same to the last digit
+    whoever else is there."""
+    return np.ascontiguousarray(values.transpose(-1, *range(values.ndim - 1)))
+
+
 class Postures(NamedTuple):
     """Rows: numbers of the girdle, strengths of effects, angles q, multipliers, measured angles s, weights W."""
 
@@ -56,8 +62,8 @@ class Eliminated(NamedTuple):
 
     def at(self, dx_mm: Float[np.ndarray, "numbers rows"]) -> tuple[np.ndarray, np.ndarray]:
         """Compute dq (rad) and the new multipliers of every posture for a step of the numbers."""
-        steps = np.ascontiguousarray(self.steps.T).reshape(-1, 9, 1 + _N)
-        found = steps[:, :, 1:] @ np.ascontiguousarray(dx_mm.T)[..., None] + steps[:, :, :1]
+        steps = persons_first(self.steps).reshape(-1, 9, 1 + _N)
+        found = steps[:, :, 1:] @ persons_first(dx_mm)[..., None] + steps[:, :, :1]
         return found[:, :6, 0].T, found[:, 6:, 0].T
 
 

@@ -19,7 +19,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import put_problems, take_problems
-from adapt.own_bones.most_probable import Posterior, Prior, Rows, persons_first
+from adapt.own_bones.most_probable import Posterior, Prior, Rows
+from adapt.own_bones.posture_steps import persons_first
 from models.person.own_bones import GROUPS, SIZES
 from motions.table import FEWEST_ANGLES
 

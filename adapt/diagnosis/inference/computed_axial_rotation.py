@@ -21,7 +21,7 @@ rougher than their noise; fewer postures than some 30 (the polynomial has 20 coe
 It may differ from the bone's rotation by a constant alone, so no gap shows that it is an estimate.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,8 +33,7 @@ from motions.table import ANGLES
 
 ESTIMATE = "clavicle_axial_estimate"
 
-TURNED_BY_ESTIMATE = "clavicle_frame_bias"
-"""A computed rotation begins at a rest of its own: the clavicle's frame is turned by as much in every posture."""
+_TURNED = "clavicle_frame_bias"
 
 AXIAL = ANGLES.index("clavicle_x")
 
@@ -49,6 +48,14 @@ _ERROR = 0.01
 class _LeftOver(NamedTuple):
     variance: float
     freedom: int
+
+
+def is_its_zero(cause: str, known: Collection[str]) -> bool:
+    """Tell whether a cause comes with a computed rotation that is ``known``.
+
+    It begins at a rest of its own: the clavicle's frame is turned by as much in every posture.
+    """
+    return cause == _TURNED and ESTIMATE in known
 
 
 def axial_is_computed(shoulders: Shoulders) -> bool:

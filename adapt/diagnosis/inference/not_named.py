@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, TURNED_BY_ESTIMATE
+from adapt.diagnosis.inference.computed_axial_rotation import is_its_zero
 from adapt.diagnosis.inference.selection import LEAST_PROBABILITY
 
 NOT_NEEDED = "the causes that are named do without it"
@@ -33,7 +33,7 @@ def why_not_named(
     for cause, probability in inclusion.items():
         if probability < LEAST_PROBABILITY or cause in after:
             continue
-        if cause == TURNED_BY_ESTIMATE and ESTIMATE in known:
+        if is_its_zero(cause, known):
             found[cause] = OF_ESTIMATE
         elif unexplained:
             found[cause] = LEFT_OVER
