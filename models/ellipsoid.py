@@ -11,16 +11,15 @@ Newton on  1 - S^(-1/2),  nearly linear in tau, climbs monotonically to the root
 equation of More and Sorensen, SIAM J. Sci. Stat. Comput. 4, 1983).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import add, mul, pow, sub, truediv
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
 from motions.arrays import Array, ByType, is_jax, repeat_while, xp
-
-Vector = Sequence[Array] | Array
-"""Three components: an array of them, or each by itself."""
 
 _UNROLLED_STEPS = 3
 """Newton steps every point takes. From 20 mm inside a thorax to 60 mm outside they leave less than 1e-6 mm, most often
@@ -81,26 +80,62 @@ def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) ->
     """Find the point of the surface nearest to p, both relative to the centre and along the axes, in mm."""
     p = p + xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a
     root = _secular_root if is_jax([p, a]) else _largest_root
-    return a * a * p / (root(p, a)[None] + xp.stack(_beyond_shortest(a)))
+    return a * a * p / (root(p, a)[None] + _beyond_shortest(a))
 
 
-def closest_point_multiplier(p: Vector, a: Vector) -> Array:
-    """Find t of p - x = t (x_i / a_i^2), mm^2, x the closest point. Of components, as everything below."""
-    off_plane = tuple(
+def closest_point_multiplier(p: Sequence[Array], a: Sequence[Array]) -> Array:
+    """Find t of p - x = t (x_i / a_i^2), mm^2, x the closest point; p and a as their components."""
+    off_plane = [
         xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y))
         for x, y in zip(p, a, strict=True)
-    )
-    return _largest_root(off_plane, a) - _shortest(a) ** 2
+    ]
+    axes = _Components(a)
+    return _largest_root(_Components(off_plane), axes) - axes.min(axis=0) ** 2
 
 
-def _shortest(a: Vector) -> Array:
-    return xp.minimum(xp.minimum(a[0], a[1]), a[2])
+class _Components:
+    """Three components that compute as an array of them does: for a compiler whose values have no axis. They stand on
+    the left of an operation."""
+
+    def __init__(self, components: Sequence[Array]):
+        self.x, self.y, self.z = components
+
+    def _each(self, operation: Callable[[Array, Array], Array], other: Any) -> "_Components":
+        others = (other.x, other.y, other.z) if isinstance(other, _Components) else (other,) * 3
+        return _Components([operation(*pair) for pair in zip((self.x, self.y, self.z), others, strict=True)])
+
+    def __abs__(self):
+        return _Components([abs(self.x), abs(self.y), abs(self.z)])
+
+    def __add__(self, other):
+        return self._each(add, other)
+
+    def __sub__(self, other):
+        return self._each(sub, other)
+
+    def __mul__(self, other):
+        return self._each(mul, other)
+
+    def __rtruediv__(self, other):
+        return self._each(lambda x, other: other / x, other)
+
+    def __pow__(self, other):
+        return self._each(pow, other)
+
+    def sum(self, axis: int) -> Array:
+        return self.x + self.y + self.z
+
+    def min(self, axis: int) -> Array:
+        return xp.minimum(xp.minimum(self.x, self.y), self.z)
+
+    def max(self, axis: int) -> Array:
+        return xp.maximum(xp.maximum(self.x, self.y), self.z)
 
 
-def _beyond_shortest(a: Vector) -> list[Array]:
+def _beyond_shortest(a: Array) -> Array:
     """a_i^2 - min a^2 as a product, which is exactly 0 for the shortest axis however the compiler fuses it."""
-    shortest = _shortest(a)
-    return [(x - shortest) * (x + shortest) for x in a]
+    shortest = a.min(axis=0)
+    return (a - shortest) * (a + shortest)
 
 
 def _outward_normal(x: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
@@ -108,23 +143,21 @@ def _outward_normal(x: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) 
     return gradient / xp.sqrt((gradient * gradient).sum(axis=0))[None]
 
 
-def _secular(tau, p: Vector, a: Vector) -> tuple[Array, Array]:
+def _secular(tau, p: Array, a: Array) -> tuple[Array, Array]:
     """S and -dS/dtau / 2 at tau = t + min a^2."""
-    inverse = [1.0 / (tau + beyond) for beyond in _beyond_shortest(a)]
-    terms = [(x * y * z) ** 2 for x, y, z in zip(a, p, inverse, strict=True)]
-    half_slope = terms[0] * inverse[0] + terms[1] * inverse[1] + terms[2] * inverse[2]
-    return terms[0] + terms[1] + terms[2], half_slope
+    inverse = 1.0 / (_beyond_shortest(a) + tau)
+    terms = (a * p * inverse) ** 2
+    return terms.sum(axis=0), (terms * inverse).sum(axis=0)
 
 
-def _largest_root(p: Vector, a: Vector) -> Array:
+def _largest_root(p: Array, a: Array) -> Array:
     def newton(tau):
         S, half_slope = _secular(tau, p, a)
         return tau + (xp.sqrt(S) - 1.0) * S / half_slope, S
 
     # One term of S alone reaches 1 at `below`: the root lies to its right, and Newton from the left never passes it.
-    left = [y * abs(x) - beyond for x, y, beyond in zip(p, a, _beyond_shortest(a), strict=True)]
-    below = xp.maximum(xp.maximum(left[0], left[1]), left[2])
-    tau = xp.maximum(below, newton(_shortest(a) ** 2)[0])  # tau = min a^2 is the surface itself
+    below = (a * abs(p) - _beyond_shortest(a)).max(axis=0)
+    tau = xp.maximum(below, newton(a.min(axis=0) ** 2)[0])  # tau = min a^2 is the surface itself
     for _ in range(_UNROLLED_STEPS - 1):
         tau, _ = newton(tau)
 

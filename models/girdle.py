@@ -150,7 +150,8 @@ def bone_rotations(
     angles: Float[Array, " 6 *batch"],
 ) -> tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]:
     """Compute R_thorax_clavicle and R_thorax_scapula of clavicle (y, z, x) and scapula (y, z, x) in radians."""
-    return rotation_from_cardan(angles[:3]), rotation_from_cardan(angles[3:])
+    both = rotation_from_cardan(xp.stack([angles[:3], angles[3:]], axis=1))
+    return both[:, :, 0], both[:, :, 1]
 
 
 def chain_residuals_mm(

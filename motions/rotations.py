@@ -41,12 +41,13 @@ def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *ba
 
 def rotate(R: Float[Array, " 3 3 *batch"], v: Float[Array, " 3 *#batch"]) -> Float[Array, " 3 *batch"]:
     """Compute R v, elementwise over the batch (no call of a matrix library for each 3 x 3)."""
-    return R[:, 0] * v[0][None] + R[:, 1] * v[1][None] + R[:, 2] * v[2][None]
+    v = v.reshape(1, *v.shape, *[1] * (R.ndim - 1 - v.ndim))
+    return (R * v).sum(axis=1)
 
 
 def compose(R_a_b: Float[Array, " 3 3 *batch"], R_b_c: Float[Array, " 3 3 *#batch"]) -> Float[Array, " 3 3 *batch"]:
     """Compute R_a_c = R_a_b R_b_c, elementwise over the batch."""
-    return xp.stack([rotate(R_a_b, R_b_c[:, k]) for k in range(3)], axis=1)
+    return (R_a_b[:, :, None] * R_b_c[None]).sum(axis=1)
 
 
 def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:

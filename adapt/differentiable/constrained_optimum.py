@@ -69,6 +69,11 @@ def _conditions(problem, beyond: Array, x: Array) -> Array:
     return jnp.concatenate([of_v, slope[n:]])
 
 
+def _slope(problem, beyond: Array, x: Array) -> tuple[Array, Array]:
+    """K, and F."""
+    return jax.jacfwd(lambda x: (_conditions(problem, beyond, x),) * 2, has_aux=True)(x)
+
+
 def softly(problem, start: Array, slacks: Array) -> Array:
     """Search from v = start: v at the last slack."""
 
@@ -90,7 +95,8 @@ def reached(problem, start: Array, slacks: Array) -> tuple[Array, Array, Array]:
 
     def newton(state):
         x, _, count = state
-        step = _solve(jax.jacfwd(_conditions, 2)(problem, beyond, x), -_conditions(problem, beyond, x))
+        K, F = _slope(problem, beyond, x)
+        step = _solve(K, -F)
         return x + step, jnp.max(abs(step[:n])), count + 1
 
     first = jnp.concatenate([v, 2.0 * problem.constraints(v) / slacks[-1] ** 2]), jnp.inf, 0
@@ -108,4 +114,4 @@ def following(problem, beyond: Array, x: Array) -> Array:
 def _following_jvp(primals, tangents):
     (problem, beyond, _), x = primals, following(*primals)
     _, moved = jax.jvp(lambda problem: _conditions(problem, beyond, x), (problem,), tangents[:1])
-    return x, _solve(jax.jacfwd(_conditions, 2)(problem, beyond, x), -moved)
+    return x, _solve(_slope(problem, beyond, x)[0], -moved)
