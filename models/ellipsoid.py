@@ -21,6 +21,9 @@ from jaxtyping import Float
 
 from motions.arrays import Array, ByType, is_jax, repeat_while, xp
 
+Vector = Sequence[Array] | Array
+"""Three components: an array of them, or each by itself."""
+
 _UNROLLED_STEPS = 3
 """Newton steps every point takes. From 20 mm inside a thorax to 60 mm outside they leave less than 1e-6 mm, most often
 nothing; what they leave, and points deeper inside, goes on in a loop."""
@@ -83,7 +86,7 @@ def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) ->
     return a * a * p / (root(p, a)[None] + _beyond_shortest(a))
 
 
-def closest_point_multiplier(p: Sequence[Array], a: Sequence[Array]) -> Array:
+def closest_point_multiplier(p: Vector, a: Vector) -> Array:
     """Find t of p - x = t (x_i / a_i^2), mm^2, x the closest point; p and a as their components."""
     off_plane = [
         xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y))
@@ -97,7 +100,7 @@ class _Components:
     """Three components that compute as an array of them does: for a compiler whose values have no axis. They stand on
     the left of an operation."""
 
-    def __init__(self, components: Sequence[Array]):
+    def __init__(self, components: Vector):
         self.x, self.y, self.z = components
 
     def _each(self, operation: Callable[[Array, Array], Array], other: Any) -> "_Components":
