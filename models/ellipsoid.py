@@ -12,7 +12,7 @@ equation of More and Sorensen, SIAM J. Sci. Stat. Comput. 4, 1983).
 """
 
 from collections.abc import Callable, Sequence
-from operator import add, mul, pow, sub, truediv
+from operator import add, mul, pow, sub
 from typing import Any
 
 import jax

@@ -42,6 +42,7 @@ class FunctionBuilder:
         self.vector, self.mask = f"<{self.simd_width} x {self.element}>", f"<{self.simd_width} x i1>"
         self.instructions = InstructionList()
         self._scratch_rows = 0
+        self._zero, self._one = (self.broadcast(x).operand for x in (0.0, 1.0))
 
     # --- values
 
@@ -62,25 +63,25 @@ class FunctionBuilder:
     def add(self, a: Any, b: Any) -> SimdValue:
         """Add a and b; adding what is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
-        if self.is_constant(a, 0.0):
+        if a.operand == self._zero:
             return b
-        return a if self.is_constant(b, 0.0) else self.arithmetic("fadd", a, b)
+        return a if b.operand == self._zero else self.arithmetic("fadd", a, b)
 
     def subtract(self, a: Any, b: Any) -> SimdValue:
         """Subtract b from a; subtracting what is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
-        if self.is_constant(b, 0.0):
+        if b.operand == self._zero:
             return a
-        if self.is_constant(a, 0.0):
+        if a.operand == self._zero:
             return self._number(f"fneg {self.vector} {b.operand}")
         return self.arithmetic("fsub", a, b)
 
     def multiply(self, a: Any, b: Any) -> SimdValue:
         """Multiply a by b. What is 0 by construction stays so, whatever it is multiplied by."""
         a, b = self.broadcast(a), self.broadcast(b)
-        if self.is_constant(a, 0.0) or self.is_constant(b, 1.0):
+        if a.operand == self._zero or b.operand == self._one:
             return a
-        return b if self.is_constant(b, 0.0) or self.is_constant(a, 1.0) else self.arithmetic("fmul", a, b)
+        return b if b.operand == self._zero or a.operand == self._one else self.arithmetic("fmul", a, b)
 
     def is_constant(self, x: Any, value: float) -> bool:
         """Tell whether x is this number by construction."""

@@ -74,10 +74,9 @@ def _numbers(x: Any) -> Numbers:
 
 def _constant(x: Any) -> Numbers:
     x = np.asarray(x)
-    array = np.empty(x.shape, object)
-    for place, value in np.ndenumerate(x):
-        array[place] = value.item()
-    return array
+    array = np.empty(x.size, object)
+    array[:] = x.ravel().tolist()
+    return array.reshape(x.shape)
 
 
 def _understood(program: ClosedJaxpr, arguments: Sequence[Numbers]) -> list[Numbers]:
@@ -144,22 +143,21 @@ def _do(name: str, params: dict[str, Any], operands: list[Numbers]) -> list[Numb
 
 
 def _each(function: Callable[..., Any], *operands: Numbers) -> Numbers:
-    operands = np.broadcast_arrays(*operands)
-    result = np.empty(operands[0].shape, object)
-    for place in np.ndindex(result.shape):
-        result[place] = function(*(x[place] for x in operands))
-    return result
+    shape = np.broadcast_shapes(*(x.shape for x in operands))
+    result = np.empty(math.prod(shape), object)
+    result[:] = [function(*values) for values in zip(*(np.broadcast_to(x, shape).flat for x in operands), strict=True)]
+    return result.reshape(shape)
 
 
 def _reduced(function: Callable[[Any, Any], Any], operand: Numbers, axes: Sequence[int]) -> Numbers:
     kept = [axis for axis in range(operand.ndim) if axis not in axes]
     moved = operand.transpose(*kept, *axes)
     shape = moved.shape[: len(kept)]
-    flat = moved.reshape(*shape, math.prod(moved.shape[len(kept) :]))
-    result = np.empty(shape, object)
-    for place in np.ndindex(shape):
-        result[place] = functools.reduce(function, flat[place], *((0.0,) if function is _add else ()))
-    return result
+    flat = moved.reshape(math.prod(shape), math.prod(moved.shape[len(kept) :]))
+    start = (0.0,) if function is _add else ()
+    result = np.empty(len(flat), object)
+    result[:] = [functools.reduce(function, values, *start) for values in flat.tolist()]
+    return result.reshape(shape)
 
 
 def _builder_of(*values: Any) -> Any:
