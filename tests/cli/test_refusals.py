@@ -103,6 +103,15 @@ def test_a_command_that_cannot_be_understood_is_status_2(arguments):
     assert "Traceback" not in ended.err
 
 
+@pytest.mark.parametrize("option", [("--model", "R4"), ("--effect", "none"), ("--seed", "2")])
+def test_an_option_that_takes_one_is_not_given_twice(tmp_path, option):
+    """The last would win, and the first be lost in silence."""
+    ended = girdle("simulate", "--model", "R2", "--effect", "conoid_strain", "--seed", "1", *option, "--out", tmp_path)
+    assert ended.status == 2
+    assert f"{option[0]} is there 2 times. Give it once." in ended.err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("weight", "cause", "remedy"),
     [
