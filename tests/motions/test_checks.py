@@ -258,6 +258,15 @@ def test_of_a_scapula_that_hardly_tips_no_more_is_said_than_is_known():
     assert "looks alike" not in said
 
 
+def test_no_sign_is_to_be_turned_where_that_mends_nothing():
+    angles = course().angles_deg.copy()
+    angles[:, ANGLES.index("clavicle_y")] += 180.0  # of an axis that points the other way
+    (said,) = [text for text in warned(replace(course(), angles_deg=angles)) if "people:" in text]
+    assert said.endswith(
+        "With the other sign clavicle_y_deg is no person's either: check its frame and zero (docs/frames.md)."
+    )
+
+
 def test_isb_is_recognised_and_a_small_motion_says_nothing():
     (said,) = warned(course(clavicle_z=-1.0, scapula_z=-1.0))
     assert "falls by 21 degrees over 60 degrees of elevation" in said
