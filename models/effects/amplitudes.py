@@ -129,10 +129,9 @@ def _doubt(effect: Effect, given: Amplitude) -> None:
         return
     for direction, value, scale in zip(effect.directions, mean, effect.prior.scale, strict=True):
         if abs(value) >= (FAR_OVER_ELEVATION if over else FAR_CONSTANT) * scale:
-            cause = (
-                f"{direction} of {effect.name} is {value:g}{_unit(effect.name)}, {abs(value) / scale:.0f} times its "
-            )
-            warn_input(InputError(OPTION, None, f"{cause}typical size", "Check its unit and digits (girdle effects)"))
+            times = f"{abs(value) / scale:.0f} times its typical size"
+            cause = f"{direction} of {effect.name} is {value:g}{_unit(effect.name)}, {times}"
+            warn_input(InputError(OPTION, None, cause, "Check its unit and digits (girdle effects)"))
 
 
 def _numbers(effect: Effect, numbers: str) -> tuple[float, ...] | PersonalSize:

@@ -38,6 +38,8 @@ BAD_MOTIONS = {
     "row of NaN": ([HEADER, *ROWS, "P1,abduction,4,120" + ",nan" * 6], 5, "no angle was measured", "Delete the row"),
     "duplicate posture": ([HEADER, *ROWS, ROWS[1]], 5, "posture 2 of motion 'abduction'", "Delete one"),
     "unmarked left shoulder": ([HEADER, *LEFT], 2, "looks like a left shoulder", "column side with the word left"),
+    "table of fits": (["model,subject,clavicle_y_simulated_deg", "R2,P1,3"], 1, "are missing", "table of results"),
+    "table of parameters": (["model,A_x_mm,conoid_length_mm_model", "R2,3,4"], 1, "are missing", "run.json beside it"),
     "empty file": ([], None, "the file is empty", "Give a file with a header"),
     "no rows": ([HEADER], None, "no rows under the header", "Add one row"),
 }
