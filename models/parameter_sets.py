@@ -30,6 +30,17 @@ SMALLEST_THORAX_MM = 50.0
 """The longest semi-axis of any thorax is longer: a newborn's chest, 330 mm around, is wider. A shorter one
 is not in mm (the thesis's longest, in cm, is 40.4)."""
 
+WIDEST_MM = 250.0
+"""Of A_x: the sets have 133 to 153 (Tables 3.3, 4.5), and an adaptation adds 30; whole axes have 266 and more."""
+
+SIDES = {
+    "scapula.ts_mm": (0, -1, "TS is medial of AC"),
+    "scapula.ai_mm": (1, -1, "AI is below AC"),
+    "thorax.centre_mm": (2, 1, "the thorax is behind IJ"),
+}
+"""By number: the coordinate and the sign that it has in every right shoulder, and why (thesis, Appendix A). SC may be
+beside IJ: in das3 it is at x = 1.4 mm."""
+
 FEWEST_POINTS = len(ELLIPSOID) + 1
 """One more than the unknowns of the geometric fit."""
 
@@ -293,6 +304,8 @@ def _check_geometry(numbers: dict[str, np.ndarray], file: str) -> None:
         raise InputError(file, None, cause, "Make ac_mm as long as length_mm, or leave it out: AC is on the axis then")
     for key, limits_mm in SIZES_MM.items():
         _check_size(key, numbers[key], limits_mm, file)
+    _check_axes(float(numbers["thorax.semi_axes_mm"][0]), file)
+    _check_sides(numbers, file)
     _check_centre(numbers["thorax.centre_mm"], numbers["thorax.semi_axes_mm"], file)
     if _off_line_mm(numbers["scapula.ts_mm"], numbers["scapula.ai_mm"]) < FLATTEST_SCAPULA_MM:
         remedy = "Give ts_mm and ai_mm in the scapula frame, from AC"
@@ -324,6 +337,22 @@ def _check_size(key: str, number_mm: np.ndarray, limits_mm: tuple[float, float],
     unit = next((name for name, factor in units.items() if least <= factor * size_mm <= most), None)
     guess = f"It looks like {unit}. " if unit else ""
     raise InputError(file, None, cause, f"{guess}Give it in mm: between {least:g} and {most:g}")
+
+
+def _check_axes(A_x_mm: float, file: str) -> None:
+    """InputError where the ellipsoid is as wide as whole axes make it."""
+    if A_x_mm > WIDEST_MM:
+        cause = f"thorax.semi_axes_mm starts with {A_x_mm:g} mm: no thorax is twice as wide"
+        raise InputError(file, None, cause, "Give semi-axes, half of the axes")
+
+
+def _check_sides(numbers: dict[str, np.ndarray], file: str) -> None:
+    """InputError where a number has the sign of another frame or of a left shoulder."""
+    for key, (place, sign, where) in SIDES.items():
+        number = numbers[key][place]
+        if sign * number < 0.0:
+            cause = f"{key.partition('.')[2]} has {'xyz'[place]} = {number:g}, but {where}"
+            raise InputError(file, None, cause, "Give a right shoulder in the frames of docs/frames.md")
 
 
 def _check_centre(centre_mm: Float[np.ndarray, "3"], semi_axes_mm: Float[np.ndarray, "3"], file: str) -> None:

@@ -132,14 +132,18 @@ def check_motions(motions: object) -> None:
 
 
 def warn_of_alike_motions(motions: Motions, file: str) -> None:
-    """Warn of kinds of motion whose names differ in case, blanks or underscores alone: they count as two."""
-    alike: dict[str, list[str]] = {}
-    for name in sorted(set(motions.motion.tolist())):
-        alike.setdefault(name.casefold().replace(" ", "").replace("_", ""), []).append(name)
-    for names in alike.values():
-        if len(names) > 1:
-            cause = f"{' and '.join(map(repr, names))} count as {len(names)} kinds of motion"
-            warn_input(InputError(file, None, cause, "Give them one name if they are one"))
+    """Warn of motions or subjects whose names differ in case, blanks or underscores alone: they count as two.
+
+    P1_1 and P11 are two subjects: of these, what stands between is no more than another sign.
+    """
+    for column, what, between in ((motions.motion, "kinds of motion", ""), (motions.subject, "subjects", "_")):
+        alike: dict[str, list[str]] = {}
+        for name in sorted(set(column.tolist())):
+            alike.setdefault(name.casefold().replace(" ", between).replace("_", between), []).append(name)
+        for names in alike.values():
+            if len(names) > 1:
+                cause = f"{' and '.join(map(repr, names))} count as {len(names)} {what}"
+                warn_input(InputError(file, None, cause, "Give them one name if they are one"))
 
 
 def _landmark(part: Motions, name: str) -> Float[np.ndarray, "postures 3"]:

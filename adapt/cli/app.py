@@ -5,6 +5,7 @@ import warnings
 from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand
 
 from adapt.cli.commands.app_command import open_app
 from adapt.cli.commands.assess_commands import diagnose_gap, muscle_results, trust_results
@@ -27,6 +28,21 @@ girdle adapt motions.csv --out results     # the model fitted to each person: op
 girdle diagnose motions.csv --out why      # why model and measurement still differ: open why/report.html
 More: girdle --help, girdle COMMAND --help, girdle doctor"""
 """What ``girdle`` alone says: the main job in three lines."""
+
+
+class OnceCommand(TyperCommand):
+    """A command that refuses an option given twice where it takes one: the last would win in silence."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse as typer does, which counts nothing."""
+        if not ctx.resilient_parsing:
+            _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+            for one in given:
+                single = not getattr(one, "multiple", True) and not getattr(one, "is_flag", False)
+                if single and given.count(one) > 1:
+                    ctx.fail(f"{one.opts[0]} is there {given.count(one)} times. Give it once.")
+        return super().parse_args(ctx, args)
+
 
 app = typer.Typer(
     rich_markup_mode="markdown",
@@ -59,7 +75,7 @@ for name, command in {
     "app": open_app,
     "doctor": doctor,
 }.items():
-    app.command(name)(command)
+    app.command(name, cls=OnceCommand)(command)
 
 
 def _say_version(asked: bool) -> None:

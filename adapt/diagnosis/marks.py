@@ -28,6 +28,9 @@ _MADE_SO = (
 )
 """Column, mark, effect."""
 
+_YES = r"(?i)^\s*(?:yes|y|true|1)\s*$"
+"""What people write for it: a word that is not known would let one error count twice in silence."""
+
 _MOST = 0.5
 """Of the postures, from which a mark is of all of them."""
 
@@ -44,7 +47,7 @@ def _marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " post
 
 def angles_are_of_landmarks(motions: Motions) -> bool:
     """Tell whether angles were computed from the same landmarks: one error would count twice."""
-    return bool(is_marked(motions, ANGLES_FROM_LANDMARKS, "yes").any())
+    return bool(is_marked(motions, ANGLES_FROM_LANDMARKS, _YES).any())
 
 
 def scapula_is_carried(motions: Motions) -> bool:

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from models.effects import EFFECTS, ActiveEffects, Effect
+from models.effects.course import CONSTANT, OverElevation
 from models.person.positions.measured_movement import MEASURED, measurable, measured_movement_mm
-from motions.errors import InputError, did_you_mean
+from motions.errors import InputError, did_you_mean, warn_input
 from motions.table import Motions
 
 
@@ -111,7 +112,26 @@ def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECT
             raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
         found[name] = MEASURED if numbers == MEASURED else _numbers(effect, numbers)
         _check(effect, found[name], OPTION)
+        _doubt(effect, found[name])
     return found
+
+
+FAR_CONSTANT, FAR_OVER_ELEVATION = 10.0, 30.0
+"""Times its typical size, of what is more likely another unit. An amplitude over elevation is some 3 times the size."""
+
+
+def _doubt(effect: Effect, given: Amplitude) -> None:
+    """Warn of an amplitude that is far from what is believed of the effect."""
+    over = isinstance(effect.course, OverElevation)
+    if isinstance(given, str) or effect.strength_unit or not (over or effect.course == CONSTANT):
+        return
+    if len(mean := _mean(given)) != len(effect.directions):  # of several terms each
+        return
+    for direction, value, scale in zip(effect.directions, mean, effect.prior.scale, strict=True):
+        if abs(value) >= (FAR_OVER_ELEVATION if over else FAR_CONSTANT) * scale:
+            times = f"{abs(value) / scale:.0f} times its typical size"
+            cause = f"{direction} of {effect.name} is {value:g}{_unit(effect.name)}, {times}"
+            warn_input(InputError(OPTION, None, cause, "Check its unit and digits (girdle effects)"))
 
 
 def _numbers(effect: Effect, numbers: str) -> tuple[float, ...] | PersonalSize:
@@ -153,7 +173,7 @@ def _described(name: str, size: Amplitude) -> str:
 
 
 def _unit(name: str) -> str:
-    return f" {EFFECTS[name].unit}" if name in EFFECTS else ""
+    return f" {EFFECTS[name].unit}" if name in EFFECTS and EFFECTS[name].unit != "1" else ""
 
 
 def _vector(size: Sequence[float]) -> str:

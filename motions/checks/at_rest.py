@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from motions.checks.corner import REMEDY as CALL_IT_AA
 from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
+from motions.checks.motion_table import in_another_frame, not_read, out_of_line, stands_still
 from motions.checks.signs import (
     BACKWARD,
     LARGE_MOTION_DEG,
@@ -120,12 +121,17 @@ class SubjectDoubts:
 
     def __init__(self) -> None:
         self._seen: set[str] = set()
+        self._columns: set[str] = set()
         self._more = 0
         self._named = 0
 
     def look_at(self, motions: Motions, files: Mapping[str, str]) -> None:
         """Warn of subjects with angles that no person has with the arm lowest, with a sign that nobody's course has
         (another sign, radians, another frame), or with landmarks that are no person's. files: where each stands."""
+        new = [name for name in motions.extra.columns if name not in self._columns]
+        self._columns.update(new)
+        if doubt := not_read(new):
+            warn_input(InputError(next(iter(files.values())), None, *doubt))
         for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
             if subject in self._seen:
                 continue
@@ -163,13 +169,16 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     named = tuple(f"{angle}_deg" for angle in (*(one.angle for one in signs), *of_exchange))
     if unlike := [text for text in unlike_rest(rest, mine.landmarks_mm) if not text.startswith(named)]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
-    if doubt := _of_size(mine):
-        found.append(InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]))
+    positions = {name: place.T for name, place in mine.landmarks_mm.items()}
+    wrong = misfit(positions)
+    frame = None if wrong else in_another_frame(mine)
+    for doubt in (_of_size(mine), stands_still(mine), out_of_line(mine), frame):
+        if doubt:
+            found.append(InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]))
     if exchange is not None:
         remedy = f"Are the {'two' if len(exchange.columns) == 2 else 'three'} columns exchanged (docs/frames.md)?"
         found.append(InputError(file, None, f"{subject}: {exchange.said}", remedy))
-    positions = {name: place.T for name, place in mine.landmarks_mm.items()}
-    if wrong := misfit(positions):
+    if wrong:
         found.append(InputError(file, None, f"{subject}: {wrong.cause}", wrong.remedy))
     elif corner := looks_like_corner(positions):
         found.append(InputError(file, None, f"{subject}: {corner}", CALL_IT_AA))

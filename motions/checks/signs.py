@@ -37,6 +37,10 @@ SURE_LOG_ODDS = -6.0
 tipped by 4 +- 4 degrees backward (breteler_mri) cannot be told from people whose sign was turned round."""
 
 
+FAR_SD = 5.0
+"""From people at rest, for an angle that is then not just turned round: 40 degrees of protraction of the clavicle."""
+
+
 @dataclass(frozen=True)
 class Usual:
     """An angle at rest and its course over 60 degrees of elevation, degrees: means and SDs of people.
@@ -111,6 +115,8 @@ class WrongSign:
     angle: str
     said: str
     log_odds: float
+    far: bool = False
+    """Turned round it is no person's at rest either: by more than FAR_SD."""
 
 
 @dataclass(frozen=True)
@@ -188,8 +194,10 @@ def wrong_signs(motions: Motions) -> list[WrongSign]:
     half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
     log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
     wrong = np.flatnonzero(log_odds < LEAST_LOG_ODDS * np.where(half, 2.0, 1.0))
+    far = (_REST != 0.0) & (np.abs(-rest - _REST) > FAR_SD * _REST_SD)
     return [
-        WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k]), float(log_odds[k])) for k in wrong
+        WrongSign(name, _said(name, USUAL[name], rest[k], course[k]), float(log_odds[k]), bool(far[k]))
+        for k, name in ((k, ANGLES[k]) for k in wrong)
     ]
 
 
@@ -258,6 +266,10 @@ _MIRRORED = "If it is a right one, protraction has the other sign (docs/frames.m
 def likely_convention(found: list[WrongSign]) -> str:
     """Say what the angles look like, and what to do."""
     angles = [one.angle for one in found]
+    if far := [f"{one.angle}_deg" for one in found if one.far]:
+        return (
+            f"With the other sign {' and '.join(far)} is no person's either: check its frame and zero (docs/frames.md)"
+        )
     if {"clavicle_y", "scapula_y"} <= set(angles):
         return "It looks like a left shoulder: say so (--side left, or left in the column side). " + _MIRRORED
     names = " and ".join(f"{angle}_deg" for angle in angles)

@@ -142,6 +142,8 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
         remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
         warn_input(InputError(markers.file, None, cause, remedy))
     _warn_of_arm(lab_mm, labels, markers.file)
+    if trial is None:  # of a cluster they may be placed in the static trial
+        _warn_of_unused(lab_mm, labels, markers.file)
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
         mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
@@ -165,6 +167,15 @@ def _warn_of_arm(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> No
     cause = f"of the arm there is {' and '.join(found)} but not {' and '.join(absent)}, so its elevation stays empty"
     remedy = "Name the marker in a mapping file (--map)"
     warn_input(InputError(file, None, cause, remedy + (", or place GH (--gh-from-ac)" if "GH" in absent else "")))
+
+
+def _warn_of_unused(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> None:
+    """Warn of what would be placed, had it not been measured."""
+    placed = {"AC": labels.aa_to_ac, "SC": labels.sc_from_ij, "GH": labels.gh_from_ac}
+    for name, option in (("AC", "--aa-to-ac"), ("SC", "--sc-from-ij"), ("GH", "--gh-from-ac")):
+        if placed[name] is not None and name in lab_mm:
+            cause = f"{name} was measured, so {option} changes nothing"
+            warn_input(InputError(file, None, cause, f"Leave {option} out"))
 
 
 def _of_shoulder(

@@ -36,7 +36,9 @@ def factors_of(text: str) -> Factors:
         raise ValueError(f"{reader.tokens[0]!r} is not expected there")
     constant = found.pop("", 0.0)
     total = sum(found.values())
-    if constant or abs(total - SUM) > _ROUNDING:
+    if constant:
+        raise ValueError(f"{constant:g} is added to it, and a position is a sum of markers alone")
+    if abs(total - SUM) > _ROUNDING:
         raise ValueError(f"the factors of the markers sum to {total:g}, those of a position to 1")
     return found
 

@@ -24,6 +24,7 @@ from jaxtyping import Float, Shaped
 
 from motions.errors import InputError
 from motions.landmarks.frames import humerus_angles, humerus_frame
+from motions.motion_csv.cells import LARGEST_ANGLE_DEG, NOT_MEASURED, to_number
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -100,9 +101,13 @@ def _numbers(motions: Motions, name: str) -> Float[np.ndarray, " postures"]:
         return np.full(len(motions.posture), np.nan)
     numbers = np.empty(len(motions.posture))
     for k, cell in enumerate(motions.extra[name].tolist()):
+        text = str(cell).strip()
         try:
-            numbers[k] = float(str(cell).strip() or "nan")
+            numbers[k] = np.nan if text.lower() in NOT_MEASURED else to_number(text)
         except ValueError:
+            numbers[k] = np.inf
+        if abs(numbers[k]) > LARGEST_ANGLE_DEG:  # NaN is not
             where = f"{motions.subject[k]}, {motions.motion[k]}, posture {motions.posture[k]}"
-            raise InputError(where, None, f"{name} is {cell!r}", "Give degrees, or leave the cell empty") from None
+            remedy = "Give degrees between -180 and 180, or leave the cell empty"
+            raise InputError(where, None, f"{name} is {cell!r}", remedy)
     return numbers

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError
+from motions.errors import InputError, did_you_mean
 from motions.table import LANDMARKS
 
 THORAX = ("IJ", "PX", "C7", "T8")
@@ -184,7 +184,9 @@ def _check_landmarks(table: dict[str, str], file: str) -> None:
     """InputError if a key is no landmark, or a formula cannot be one."""
     for landmark in table:
         if landmark not in (*MARKERS, *MIDDLES):
-            remedy = f"The landmarks are {', '.join((*MARKERS, *MIDDLES))}"
+            remedy = (
+                f"{did_you_mean(landmark, (*MARKERS, *MIDDLES))}The landmarks are {', '.join((*MARKERS, *MIDDLES))}"
+            )
             raise InputError(file, None, f"there is no landmark {landmark!r}", remedy)
         both = [end for end in MIDDLES.get(landmark, ()) if end in table]
         if both:

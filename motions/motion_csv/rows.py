@@ -164,6 +164,8 @@ def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
     ]
     if near:
         return cause, f"Rename {', '.join(dict.fromkeys(near))}"
+    if "model" in columns and {"clavicle_y_simulated_deg", "conoid_length_mm_model"} & set(columns):
+        return cause, "This is a table of results: give the motion file, which run.json beside it names"
     if not set(ANGLE_COLUMNS) & set(columns) and any(name.endswith(("_x_mm", "_x_cm", "_x_m")) for name in columns):
         return cause, "These are positions of landmarks: girdle convert makes a motion file of them"
     angle = any(name.endswith("_deg") for name in missing)

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
 from adapt.cli.commands.known_effects import effects_of
+from adapt.cli.terminal.print_converted import slips_in_words
 from adapt.output.adapted_models import write_adapted_models
 from adapt.tables.results import DIFFERENCES
 from models import load_model, model_names
@@ -205,6 +206,7 @@ def test_motions_through_a_folder_of_mot_files(tmp_path):
     ("arguments", "where", "cause", "remedy"),
     [
         (["out.mot"], "out.mot", "there are 20 motions and a .mot file holds one", "Name a folder"),
+        (["out.csv", "--isb"], "--isb", "only .mot files hold ISB's angles", "leave --isb out"),
         (["out.xlsx"], "out.xlsx", "files that end in '.xlsx' are not written", ".parquet"),
         (["out.csv", "--side", "up"], "--side", "the side is 'up'", "left or right"),
         (["out.csv", "--at", "30;60"], "--at", "'30;60' is not a list", "30,60,90"),
@@ -221,6 +223,14 @@ def test_what_cannot_be_converted(tmp_path, monkeypatch, arguments, where, cause
 
 def test_a_parameter_set_becomes_a_model_of_opensim_alone(tmp_path):
     refused(girdle("convert", FOLDER / "R2.toml", tmp_path / "o.stl"), str(tmp_path / "o.stl"), "becomes", ".osim")
+    refused(girdle("convert", DATA_FILE, tmp_path / "o.osim"), str(DATA_FILE), "made of a parameter set", ".toml")
+
+
+def test_many_slips_are_one_line():
+    motions = read_motions(DATA_FILE)
+    slipped = ["TS" if k in (1, 3, 4, 5) else "" for k in range(len(motions.posture))]
+    said = slips_in_words(replace(motions, extra=motions.extra.assign(slipped=slipped)))
+    assert said == ["TS slipped: not in its place on the bone in postures 2, 4-6 of simulated01, abduction"]
 
 
 def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, tmp_path):

@@ -12,6 +12,7 @@ from command import Ended, girdle, refused, written
 from test_cli import OPEN_MM, shipped_lines
 
 from adapt import adapt_subjects
+from adapt.cli.terminal.print_verdict import verdicts
 from adapt.solvers import status
 from adapt.tables.results import DIFFERENCES
 from models import load_model
@@ -212,3 +213,11 @@ def test_a_wrong_sign_is_a_warning_of_so_many_subjects(tmp_path):
         assert re.match(r"warning: .*motion\.csv: simulated01: scapula_y_deg .* is -\d+ with the arm low", said[0])
         assert said[10].startswith("warning: the motions: 10 more subjects are like this")
     assert girdle("fit", written(tmp_path, [header, *rows]), "--out", tmp_path / "right").messages == []
+
+
+def test_where_nobody_was_adapted_no_gap_is_given():
+    """It would be that of fits which did not converge."""
+    motions = read_motions(DATA_FILE)
+    result = adapt_subjects(motions.select(motions.subject == motions.subjects[0]), load_model("R2"), held_out=())
+    nobody = replace(result, parameters=result.parameters.assign(status=status.NOT_CONVERGED))
+    assert list(verdicts(nobody)) == ["R2: none of 1 subjects adapted."]

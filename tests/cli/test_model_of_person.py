@@ -279,7 +279,7 @@ def test_convert_names_a_landmark_that_slipped(folder, persons):
     table.to_csv(folder / "slipped.csv", index=False)
     ran = girdle("convert", folder / "slipped.csv", folder / "converted.csv")
     assert ran.status == 0, ran.err
-    assert f"TS slipped: {first}, slipped 4" in ran.out
+    assert f"TS slipped: not in its place on the bone in posture 4 of {first}, slipped (column" in ran.out
     assert pd.read_csv(folder / "converted.csv")["slipped"].tolist()[3] == "TS"
 
 

@@ -78,7 +78,7 @@ def test_a_column_without_a_number_is_refused_before_anything_is_fitted(tmp_path
         girdle("muscles", motions, "--model", "R2", "--out", tmp_path / "out"),
         "simulated01, abduction, posture 3",
         "humerus_plane_deg is 'forward'",
-        "Give degrees, or leave the cell empty",
+        "Give degrees between -180 and 180, or leave the cell empty",
     )
 
 

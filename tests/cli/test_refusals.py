@@ -38,6 +38,8 @@ BAD_MOTIONS = {
     "row of NaN": ([HEADER, *ROWS, "P1,abduction,4,120" + ",nan" * 6], 5, "no angle was measured", "Delete the row"),
     "duplicate posture": ([HEADER, *ROWS, ROWS[1]], 5, "posture 2 of motion 'abduction'", "Delete one"),
     "unmarked left shoulder": ([HEADER, *LEFT], 2, "looks like a left shoulder", "column side with the word left"),
+    "table of fits": (["model,subject,clavicle_y_simulated_deg", "R2,P1,3"], 1, "are missing", "table of results"),
+    "table of parameters": (["model,A_x_mm,conoid_length_mm_model", "R2,3,4"], 1, "are missing", "run.json beside it"),
     "empty file": ([], None, "the file is empty", "Give a file with a header"),
     "no rows": ([HEADER], None, "no rows under the header", "Add one row"),
 }
@@ -101,6 +103,15 @@ def test_a_command_that_cannot_be_understood_is_status_2(arguments):
     assert ended.status == 2
     assert "Usage" in ended.err
     assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize("option", [("--model", "R4"), ("--effect", "none"), ("--seed", "2")])
+def test_an_option_that_takes_one_is_not_given_twice(tmp_path, option):
+    """The last would win, and the first be lost in silence."""
+    ended = girdle("simulate", "--model", "R2", "--effect", "conoid_strain", "--seed", "1", *option, "--out", tmp_path)
+    assert ended.status == 2
+    assert f"{option[0]} is there 2 times. Give it once." in ended.err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

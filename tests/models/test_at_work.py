@@ -1,6 +1,7 @@
 """Effects that are known to be at work: fits and adaptations with them, on simulated subjects that have them."""
 
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from models import load_model
 from models.effects import EFFECTS, ActiveEffects
 from models.effects.amplitudes import PersonalSize, active_effects, as_option, described, read_amplitudes, rounded
 from motions import InputError, Motions, read_motions, write_motions
+from motions.errors import InputWarning
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
@@ -262,6 +264,19 @@ def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
     assert pickle.loads(pickle.dumps(found)) == found
     assert described(found) == "thorax_extension of (8, 0, -3) deg, thorax_asymmetry of 5 mm"
     assert read_amplitudes([]) == {}
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("conoid_strain=100", "length of conoid_strain is 100 mm, 125 times its typical size"),
+        ("thorax_shape=-3", "exponent of thorax_shape is -3, 10 times its typical size"),
+        ("sc_offset=0,150,0~1,1,1", "y of sc_offset is 150 mm, 15 times its typical size"),
+    ],
+)
+def test_an_amplitude_far_beyond_its_typical_size_is_named(word, said):
+    with pytest.warns(InputWarning, match=re.escape(said)):
+        read_amplitudes([word])
     assert described({}) == ""
 
 

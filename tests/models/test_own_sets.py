@@ -272,6 +272,10 @@ REFUSED = {
         "lie on a line",
         "scapula frame, from AC",
     ),
+    "whole axes": ("[153.0, 404.0, 130.0]", "[306.0, 808.0, 260.0]", "starts with 306 mm: no thorax", "half of the"),
+    "TS lateral of AC": ("[-119.0, 0.0, 0.0]", "[119.0, 0.0, 0.0]", "ts_mm has x = 119, but TS is medial", "frames.md"),
+    "AI above AC": ("[-148.0, -109.0, 0.0]", "[-148.0, 109.0, 0.0]", "ai_mm has y = 109, but AI is below", "frames.md"),
+    "z forward": ("[0, -296.0, 78.0]", "[0, -296.0, -78.0]", "centre_mm has z = -78, but the thorax is", "frames.md"),
     "no name": ('"own"', '" "', "name is ' ' and must be text", 'Write name = "..."'),
     "a number as the name": ('"own"', "2", "name is 2 and must be text", 'Write name = "..."'),
 }

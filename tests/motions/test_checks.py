@@ -10,6 +10,8 @@ import pytest
 from command import girdle
 from laboratory import simulated_trial, up_and_down
 
+from models import load_model
+from models.girdle import bone_rotations, chain_landmarks
 from motions import ANGLES, InputError, Motions, read_motions, write_motions
 from motions.checks.at_rest import MOST_NAMED, warn_of_subjects
 from motions.checks.corner import looks_like_corner
@@ -249,11 +251,20 @@ def test_a_sign_turned_round_is_named_alone(angle):
 
 def test_of_a_scapula_that_hardly_tips_no_more_is_said_than_is_known():
     angles = course().angles_deg.copy()
-    angles[:, ANGLES.index("scapula_x")] = 4.0
+    angles[:, ANGLES.index("scapula_x")] = 4.0 + 0.1 * np.arange(len(angles))
     (said,) = warned(replace(course(), angles_deg=angles))
     assert said.endswith("check which angle it is. A scapula that hardly tips looks alike.")
     (said,) = warned(course(scapula_x=-1.0))
     assert "looks alike" not in said
+
+
+def test_no_sign_is_to_be_turned_where_that_mends_nothing():
+    angles = course().angles_deg.copy()
+    angles[:, ANGLES.index("clavicle_y")] += 180.0  # of an axis that points the other way
+    (said,) = [text for text in warned(replace(course(), angles_deg=angles)) if "people:" in text]
+    assert said.endswith(
+        "With the other sign clavicle_y_deg is no person's either: check its frame and zero (docs/frames.md)."
+    )
 
 
 def test_isb_is_recognised_and_a_small_motion_says_nothing():
@@ -403,3 +414,54 @@ def test_positions_in_a_motion_file_are_a_persons_too(tmp_path):
     write_motions(replace(course(), landmarks_mm=wrong), tmp_path / "m.csv")
     with pytest.warns(InputWarning, match=r"P: TS cannot be right: TS is \d+ mm from AC"):
         read_motions(tmp_path / "m.csv")
+
+
+@pytest.mark.parametrize(
+    ("frame", "said"),
+    [
+        (lambda mm: mm * [-1.0, 1.0, 1.0], "degrees away from where the angles put the clavicle"),  # another shoulder
+        (lambda mm: mm[:, [0, 2, 1]] * [1.0, 1.0, -1.0], "degrees away from where the angles put the"),  # z up
+        (lambda mm: mm + np.array([400.0, 900.0, -300.0]), "mm from IJ, in people 5 to 60"),  # of the laboratory
+    ],
+)
+def test_positions_of_a_motion_file_in_another_frame_are_named(frame, said):
+    """They are data of a diagnosis and of own bones: in another frame they would count as movement of the joints."""
+    sound = replace(course(), landmarks_mm=placed(course()))
+    assert not warned(sound)
+    text = " ".join(warned(replace(sound, landmarks_mm={name: frame(mm) for name, mm in placed(sound).items()})))
+    assert said in text
+    assert "Positions are in mm in the thorax frame" in text
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [([-24.0, -1.0, 6.0], "SC is at x = -24 mm, on the other side"), ([2.4, -0.1, 0.6], "SC is 2.48 mm from IJ")],
+)
+def test_sc_alone_is_the_persons_too(place, said):
+    (text,) = warned(replace(course(), landmarks_mm={"SC": np.tile(place, (12, 1))}))
+    assert said in text
+
+
+def test_columns_that_are_nearly_positions_are_named():
+    extra = pd.DataFrame({"SC_x_m": ["0.02"] * 12, "ts x (cm)": ["1"] * 12, "scapula_y_spread_deg": ["1"] * 12})
+    (text,) = warned(replace(course(), extra=extra))
+    assert "column SC_x_m, ts x (cm) is not read. Positions are SC_x_mm" in text
+
+
+def test_an_angle_that_stands_still_or_a_posture_out_of_line_is_named():
+    angles = course().angles_deg.copy()
+    angles[:, ANGLES.index("clavicle_x")] = 7.3
+    (text,) = warned(replace(course(), angles_deg=angles))
+    assert "clavicle_x_deg is the same in every posture while the arm moves. Was a cell copied down?" in text
+    angles = course().angles_deg.copy()
+    angles[6, ANGLES.index("clavicle_y")] *= -1.0
+    (text,) = warned(replace(course(), angles_deg=angles))
+    assert "clavicle_y_deg is 40 in posture 7 of 'm', -38 before and -42 after it. Look at its sign" in text
+
+
+def placed(motions: Motions) -> dict[str, np.ndarray]:
+    """Landmarks of R2 where its bones are at these angles."""
+    girdle, (clavicle, scapula) = load_model("R2").girdle, bone_rotations(np.radians(motions.angles_deg.T))
+    at = chain_landmarks(girdle.over_axes(1), clavicle, scapula)
+    sc_mm = np.tile(girdle.sc_mm, (len(motions.posture), 1))
+    return {"SC": sc_mm, "AC": at.AC.T, "TS": at.TS.T, "AI": at.AI.T}

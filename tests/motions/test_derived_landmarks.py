@@ -1,5 +1,7 @@
 """Landmarks that a mapping file makes of markers, and what stands in for SC and AC."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,7 @@ def test_formulas(text, factors):
     ("text", "said"),
     [
         ("a + b", "sum to 2"),
-        ("2*a - b + 1", "sum to 1"),
+        ("2*a - b + 1", "1 is added to it"),
         ("a * b", "by a number"),
         ("a / 0", "by a number"),
         ("(a + b)/2 c", "not expected"),
@@ -102,6 +104,9 @@ def test_a_trial_without_sc_and_ac_has_a_clavicle_that_says_so(tmp_path, lab):
     assert declared_effects(found) == (estimated, turned, placed), "each once, whatever was placed"
     assert declared_effects(true) == (estimated,)
     assert angles_are_of_landmarks(true)
+    for word, said in (("Yes", True), ("TRUE", True), ("1", True), ("no", False), ("", False)):
+        by_hand = replace(true, extra=true.extra.assign(angles_from_landmarks=word))
+        assert angles_are_of_landmarks(by_hand) is said, "in a file of a person's own"
     with pytest.warns(InputWarning, match="SC was not found, so the angles of the clavicle stay empty"):
         empty = read(tmp_path, without, "", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020")
     assert np.isnan(empty.angles_deg[:, :2]).all()

@@ -327,7 +327,8 @@ def test_aa_without_ac_is_never_taken_for_it(trial, lab, tmp_path):
     assert "kolz2020" in motions.extra[SCAPULA_ROTATED][0]
     assert "4 deg" in motions.extra[SCAPULA_ROTATED][0]
     assert np.abs(motions.angles_deg[:, 3:] - trial.angles_deg[:, 3:]).max() < 3 * KOLZ.uncertainty_deg
-    both = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
+    with pytest.warns(InputWarning, match="AC was measured, so --aa-to-ac changes nothing"):
+        both = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
     np.testing.assert_allclose(known(both), true(trial), rtol=0.0, atol=EXACT)
     assert SCAPULA_ROTATED not in both.extra
 

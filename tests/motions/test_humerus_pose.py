@@ -76,6 +76,12 @@ def test_landmarks_come_before_columns():
     np.testing.assert_allclose(np.delete(pose.angles, 2, axis=1), np.delete(angles, 2, axis=1), atol=1e-9)
 
 
+@pytest.mark.parametrize("cell", ["500", "inf", "1_0"])
+def test_an_angle_that_no_humerus_has_is_refused(cell):
+    with pytest.raises(InputError, match=rf"humerus_plane_deg is '{cell}'. Give degrees between -180 and 180"):
+        humerus_pose(motions({PLANE: ["0", "n/a", cell, "0", "0", "0"], AXIAL: ["0"] * 6}))
+
+
 def test_a_cell_that_is_no_number_is_refused_by_name():
     with pytest.raises(
         InputError, match=r"one, scapular_elevation, posture 3: humerus_axial_deg is 'out'.*leave the cell"

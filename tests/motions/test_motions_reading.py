@@ -428,3 +428,15 @@ def test_motions_whose_names_differ_in_case_alone_raise_a_warning():
     said = [str(one.message) for one in found]
     asked = "count as 2 kinds of motion. Give them one name if they are one."
     assert said == [f"the motions: {kind.upper()!r} and {kind!r} {asked}" for kind in kinds]
+
+
+def test_subjects_whose_names_differ_in_case_are_named():
+    """Their adapted models would be one file where case counts for nothing."""
+    motions = simulate_subjects(2, seed=1)
+    warn_of_alike_motions(
+        replace(motions, subject=np.where(motions.subject == motions.subjects[0], "P1_1", "P11")), "it"
+    )
+    with pytest.warns(InputWarning, match="'P1' and 'p1' count as 2 subjects"):
+        warn_of_alike_motions(
+            replace(motions, subject=np.where(motions.subject == motions.subjects[0], "P1", "p1")), "it"
+        )

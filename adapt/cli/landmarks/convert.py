@@ -47,6 +47,9 @@ def convert(
     .csv, .mot or a folder of .mot files, a table .parquet, a parameter set .osim. InputError if a source cannot be read
     or has no such form; of several, those that cannot are left out and named.
     """
+    if isb and target.suffix.lower() not in ("", ".mot"):
+        cause = f"only .mot files hold ISB's angles, and {target} is none"
+        raise InputError("--isb", None, cause, "Name a .mot file or a folder, or leave --isb out")
     if len(sources) == 1 and not is_folder_of_trials(sources[0]):
         return _convert_one(sources[0], target, mapping, labels, isb, statics)
     motions = read_several(sources, target, mapping, labels, statics)
@@ -59,6 +62,9 @@ def _convert_one(
 ) -> Motions | None:
     kind = target.suffix.lower()
     if kind == ".osim":
+        if source.suffix.lower() != ".toml" and source.is_file():
+            cause = "a model of OpenSim is made of a parameter set, and this is none"
+            raise InputError(str(source), None, cause, "Give its .toml: girdle model makes one of a person's landmarks")
         atomic_write(target, opensim_model(load_model(str(source))))
         return None
     if source.suffix.lower() == ".toml":

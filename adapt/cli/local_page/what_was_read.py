@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adapt.cli.terminal.print_converted import slips_in_words
 from adapt.diagnosis.fit.shoulders import FEWEST_POSTURES
 from motions import Motions
-from motions.landmarks.sampled_postures import ESTIMATED, is_marked, marked_slips
+from motions.landmarks.sampled_postures import ESTIMATED, is_marked
 from motions.table import ANGLE_NAMES, ANGLES
 
 
@@ -55,9 +56,7 @@ def warnings(motions: Motions) -> list[str]:
     found = [f"Left out: {error}" for error in motions.rejected]
     if is_marked(motions, ESTIMATED, "yes").any():
         found.append("The axial rotation of the clavicle is an estimate: two landmarks do not determine it.")
-    for row, names in marked_slips(motions).items():
-        where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
-        found.append(f"{names} slipped: {where}. The diagnosis leaves this posture out.")
+    found += [f"{said}. The diagnosis leaves these out." for said in slips_in_words(motions)]
     for subject in motions.subjects:
         mine = motions.subject == subject
         if np.sum(mine) < FEWEST_POSTURES:

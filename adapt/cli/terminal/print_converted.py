@@ -71,10 +71,32 @@ def _say_cluster(console: Console, motions: Motions) -> None:
 
 
 def _say_slipped(console: Console, motions: Motions) -> None:
-    """Name the landmarks that are not where their bone says."""
+    for said in slips_in_words(motions):
+        console.print(f"{said} (column slipped)", soft_wrap=True)
+
+
+def slips_in_words(motions: Motions) -> list[str]:
+    """Name the landmarks that are not where their bone says, a line for each in a motion."""
+    found: dict[tuple[str, str, str], list[int]] = {}
     for row, names in marked_slips(motions).items():
-        where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
-        console.print(f"{names} slipped: {where}", soft_wrap=True)
+        whose = (str(motions.subject[row]), str(motions.motion[row]), names)
+        found.setdefault(whose, []).append(int(motions.posture[row]))
+    return [
+        f"{names} slipped: not in its place on the bone in {'posture' if len(postures) == 1 else 'postures'} "
+        f"{_ranges(postures)} of {subject}, {motion}"
+        for (subject, motion, names), postures in found.items()
+    ]
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Write '3, 5-8' of 3, 5, 6, 7, 8."""
+    parts: list[list[int]] = []
+    for number in sorted(numbers):
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1] = [parts[-1][0], number]
+        else:
+            parts.append([number])
+    return ", ".join("-".join(map(str, part)) for part in parts)
 
 
 def _say_thorax(console: Console, motions: Motions) -> None:

@@ -88,9 +88,10 @@ def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
         untold = Counter(" ".join(rows["not_told"]).split())
         if nobody := [name for name, count in untold.items() if count == len(rows)]:
             console.print(f"  The motions say next to nothing of: {', '.join(nobody)}", soft_wrap=True)
-        far = rows[rows["far_from_people"] != ""]
-        for subject, names in zip(far["subject"].head(_MOST_PRINTED), far["far_from_people"], strict=False):
-            console.print(f"  Farther from the set than people are: {subject}, {names}", soft_wrap=True)
+        far = Counter(" ".join(rows["far_from_people"]).split())
+        if counted := [f"{name} ({count} of {len(rows)})" for name, count in far.most_common()]:
+            said = f"Farther from the set than people are (column far_from_people): {', '.join(counted)}"
+            console.print(f"  {said}", soft_wrap=True)
 
 
 def print_without_landmarks(console: Console, parameters: pd.DataFrame) -> None:

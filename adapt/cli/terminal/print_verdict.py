@@ -49,6 +49,9 @@ def verdicts(result: Tables) -> Iterator[str]:
         kinds = set(result.heldout["kind"][result.heldout["model"] == model]) if len(heldout) else set()
         what = f"on held-out {_WHAT_WAS_HELD_OUT.get(frozenset(kinds), 'motions or postures')}"
         gap = _held_out_gap(heldout.loc[model]) if model in heldout.index else ""
+        if not good:
+            yield f"{model}: none of {len(rows)} subjects adapted."
+            continue
         said = (
             f"gap {what}: {gap}" if gap else f"gap on the postures adapted to: {_in_sample_gap(result.summary, model)}"
         )
