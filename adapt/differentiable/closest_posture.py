@@ -106,7 +106,7 @@ def fit_posture(
     One with fewer than three is NaN. ``girdle`` has the same batch axes, or none. The lowest J of several starts is
     taken, or that reached from ``start`` (rad) alone.
 
-    The first call compiles for some 12 s, a derivative as long again. InputError if the first axis is not six long, or
+    The first call compiles for some 8 s, a derivative as long again. InputError if the first axis is not six long, or
     if an angle is above a full turn, which ``jit`` cannot see.
     """
     return fit_from(jax.tree.map(jnp.asarray, girdle), *target(angles, measured), start)
@@ -115,7 +115,7 @@ def fit_posture(
 @cache
 def _say_compiling() -> None:
     """Say once a process why nothing seems to happen."""
-    logging.getLogger(__package__).warning("the first call compiles for 10 to 30 s; later calls do not")
+    logging.getLogger(__package__).warning("the first call compiles for 8 to 20 s; later calls do not")
 
 
 def target(angles, measured) -> tuple[Array, Array]:
