@@ -153,8 +153,8 @@ def _persons(
     """How the persons of these problems differ; of parts, by what knows nothing of the person."""
     everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
     motion = np.tile(rows.packed(rows.motion), len(models))
-    spread, untold = spread_of(models, rows.subjects, people.sds), people.untold_of(models, rows.subjects)
-    persons = Persons(spread, everybody, people.are_few, motion, untold).at(problem)
+    spread, unsure = spread_of(models, rows.subjects, people.sds), people.unsure_of(models, rows.subjects)
+    persons = Persons(spread, everybody, people.are_few, motion, unsure).at(problem)
     spread = with_landmarks(persons.spread, parts, rows, models, problem)
     scales = [(without if part else everybody)[k] for k, part in zip(problem.tolist(), is_part.tolist(), strict=True)]
     return persons._replace(spread=spread, scales=scales)

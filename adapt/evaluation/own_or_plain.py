@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from adapt.engine.batching import take_problems, with_problems
 from adapt.evaluation.predictions import Places, gaps_of, predicted, unseen_angles
@@ -22,6 +22,7 @@ from adapt.own_bones.own_adaptation import (
     with_own_noise,
 )
 from adapt.own_bones.scales import Scales
+from adapt.own_bones.unsure import Unsure
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.problems import Problems, select_problems
@@ -49,14 +50,13 @@ class Persons(NamedTuple):
     """The noise of each is learnt, alone."""
     motion: Int[np.ndarray, "postures problems"]
     """The number of the motion of each posture."""
-    untold: Float[np.ndarray, "groups problems"]
-    """Of what slopes say that motions tell (``adapt.own_bones.own_adaptation.People``)."""
+    unsure: Unsure
 
     def at(self, problem: Int[np.ndarray, " some"]) -> "Persons":
         """Take some of the problems, any as often as wanted."""
         scales = [self.scales[k] for k in problem.tolist()]
-        spread, untold = take_problems((self.spread, self.untold), problem)
-        return Persons(spread, scales, self.own_noise, self.motion[:, problem], untold)
+        spread, unsure = take_problems((self.spread, self.unsure), problem)
+        return Persons(spread, scales, self.own_noise, self.motion[:, problem], unsure)
 
 
 def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
@@ -81,14 +81,15 @@ def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Probl
 def own_bones(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
     """Adapt bones of each person's own, with the noise of each where persons are few."""
     scales = with_own_noise(data, persons.spread) if persons.own_noise else persons.scales
-    return adapt_own_bones(data, persons.spread, scales, weight, persons.untold)
+    return adapt_own_bones(data, persons.spread, scales, weight, persons.unsure)
 
 
 def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:
     """The set's bones, with the six of the plain adaptation; of no size an SD."""
     sizes = np.zeros_like(own.sizes)
     sizes[: len(ADAPTED)] = plain.theta_mm - np.asarray(data.girdle.adapted_mm)
-    return own._replace(sizes=sizes, covariance=np.full_like(own.covariance, np.nan), code=code)
+    none = {"covariance": np.full_like(own.covariance, np.nan), "told": np.full_like(own.told, np.nan)}
+    return own._replace(sizes=sizes, code=code, **none)
 
 
 def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.ndarray, " problems"]:

@@ -31,7 +31,6 @@ from adapt.own_bones.most_probable import (
 )
 from adapt.own_bones.posture_steps import persons_first
 from adapt.own_bones.scales import (
-    GROUP_OF_SIZE,
     IN_GROUP,
     PRIOR,
     Moments,
@@ -40,7 +39,9 @@ from adapt.own_bones.scales import (
     informative,
     learnt,
     moments,
+    relative_variances,
 )
+from adapt.own_bones.unsure import Unsure, told_and_covariance
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.posture_fits import fit_batch
@@ -104,13 +105,15 @@ class OwnBones(NamedTuple):
 
     sizes: Float[np.ndarray, "sizes problems"]
     covariance: Float[np.ndarray, "sizes sizes problems"]
-    """By the curvature of the posterior (Gauss-Newton), less what bent valleys do not tell (``bent_valleys``)."""
+    """By the curvature of the posterior (Gauss-Newton), and what that is too sure of (``unsure``)."""
     prior_sd: Float[np.ndarray, "sizes problems"]
     """With the scale of its group."""
     scales: Float[np.ndarray, "scales problems"]
     """In the order of ``Scales``: of each group, and the noise in degrees."""
     code: Int[np.ndarray, " problems"]
     """Of ``WORDS``."""
+    told: Float[np.ndarray, "sizes problems"]
+    """The share of the prior variance that was taken away, were the scales known."""
 
     @property
     def word(self) -> Shaped[np.ndarray, " problems"]:
@@ -124,8 +127,7 @@ class OwnBones(NamedTuple):
         Root of |u|^2 / (n - tr of the posterior covariance of u), 1 in the mean where people are as the prior says.
         """
         sd = np.where(self.prior_sd > 0.0, self.prior_sd, 1.0)
-        told = ((self.prior_sd > 0.0) - (self.sd / sd) ** 2).sum(axis=0)
-        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(told, 1.0))
+        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(self.told.sum(axis=0), 1.0))
 
     @property
     def sd(self) -> Float[np.ndarray, "sizes problems"]:
@@ -170,8 +172,8 @@ class People:
     """By person: learnt without this person, for what is held out. Nobody else's scales know anything of a person."""
     are_few: bool = False
     """Nothing was learnt of them: the noise of each is, alone."""
-    untold: Mapping[str, Float[np.ndarray, " groups"]] = field(default_factory=dict)
-    """Of each group, the share of what slopes say that motions tell that they do not (``bent_valleys``, beta)."""
+    unsure: Mapping[str, Unsure] = field(default_factory=dict)
+    """What the covariance of sizes is too sure of, without ``problems``."""
 
     def of(self, models: Sequence[AnyModel], subjects: Sequence[str], held_out: bool = False) -> list[Scales]:
         """Give the scales of every subject with every model."""
@@ -181,10 +183,10 @@ class People:
             found += [without.get(person_of(subject), everybody) for subject in subjects]
         return found
 
-    def untold_of(self, models: Sequence[AnyModel], subjects: Sequence[str]) -> Float[np.ndarray, "groups problems"]:
-        """Lay out beta of every subject with every model; 0 of few persons."""
-        each = [self.untold.get(model.name, np.zeros(len(GROUPS))) for model in models]
-        return np.repeat(np.array(each).T, len(subjects), axis=1)
+    def unsure_of(self, models: Sequence[AnyModel], subjects: Sequence[str]) -> Unsure:
+        """Lay out what is unsure of every subject with every model; nothing of few persons."""
+        each = [self.unsure.get(model.name, Unsure(*np.zeros((2, len(GROUPS))))) for model in models]
+        return Unsure(*(np.repeat(np.array(one).T, len(subjects), axis=1) for one in zip(*each, strict=True)))
 
 
 class _Optimum(NamedTuple):
@@ -223,16 +225,17 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
     for _ in range(_LEARNING_ROUNDS - 1):
         at, of, known, scales = learn(scales)
     everybody = dict(zip(everybody, scales, strict=True))
-    untold = dict(zip(everybody, _untold(at, known, len(models)), strict=True))
+    variances = _variances_by_enough(of, (of_model == every[:, None]) & known, scales)
+    unsure = dict(zip(everybody, map(Unsure, _untold(at, known, len(models)), variances), strict=True))
     if not held_out:
-        return People(sds, everybody, {name: {} for name in everybody}, untold=untold)
+        return People(sds, everybody, {name: {} for name in everybody}, unsure=unsure)
     runs = (of_model == every[:, None, None]) & known & (np.tile(group, len(models)) != np.arange(_GROUPS)[:, None])
     each = _learnt_by_enough(of, runs.reshape(-1, len(known)), [one for one in scales for _ in range(_GROUPS)])
     without = {
         name: {person: each[_GROUPS * k + one] for person, one in zip(persons, group.tolist(), strict=True)}
         for k, name in enumerate(everybody)
     }
-    return People(sds, everybody, without, untold=untold)
+    return People(sds, everybody, without, unsure=unsure)
 
 
 def _untold(at: _Optimum, known: Bool[np.ndarray, " problems"], models: int) -> Float[np.ndarray, "models groups"]:
@@ -248,6 +251,13 @@ def _learnt_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], star
     found, enough = [PRIOR] * len(runs), np.flatnonzero(runs.sum(axis=1) >= _FEWEST).tolist()
     for k, one in zip(enough, learnt(of, runs[enough], [start[k] for k in enough]), strict=True):
         found[k] = one
+    return found
+
+
+def _variances_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], scales: Sequence[Scales]):
+    """How unsure the scales of each run are; those of the prior are taken as known."""
+    found, enough = np.zeros((len(runs), len(GROUPS))), np.flatnonzero(runs.sum(axis=1) >= _FEWEST)
+    found[enough] = relative_variances(of, runs[enough], [scales[k] for k in enough.tolist()])
     return found
 
 
@@ -300,16 +310,16 @@ def adapt_own_bones(
     spread: Spread,
     scales: Sequence[Scales],
     weight: float,
-    untold: Float[np.ndarray, "groups problems"] | float = 0.0,
+    unsure: Unsure | None = None,
 ) -> tuple[Problems, Adapted, OwnBones]:
     """Find the most probable girdle of each problem: the problems with that girdle, the adaptation and the sizes.
 
-    ``untold``: what the covariance of the sizes is less sure of than the slopes say (``People.untold``).
+    ``unsure``: what the covariance of the sizes is less sure of than the slopes say; without it, nothing.
     """
     rows, part, posture = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
     found = _with_lowest_postures(rows, part, prior)
-    own, moved_mm = _own_bones(spread, scales, prior, shares, found, part, untold)
+    own, moved_mm = _own_bones(spread, scales, prior, shares, found, part, unsure or Unsure.nothing(len(scales)))
     girdle = Girdle.of_numbers(np.asarray(data.girdle.numbers_mm) + moved_mm)
     data = replace(data, girdle=girdle)
     fitted = fit_batch(
@@ -425,23 +435,21 @@ def _put(found: Posterior, part: Int[np.ndarray, " rows"], problems, other: Post
 
 
 def _own_bones(
-    spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part, untold
+    spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part, unsure: Unsure
 ) -> tuple[OwnBones, Float[np.ndarray, "numbers problems"]]:
     """The posterior of the sizes: their means, and what they add to the girdle."""
     sd, shares, before = persons_first(spread.sd * _of_sizes(scales)), persons_first(shares), _sizes(spread, scales)
     S = before.root @ shares
     mean = before.mean + (S @ persons_first(found.u)[..., None])[..., 0]
     told = (S - S @ covariance_of_u(found, prior, part)) @ np.swapaxes(S, 1, 2)
-    r = np.sqrt(np.broadcast_to(untold, (len(GROUPS), len(scales)))).T[:, GROUP_OF_SIZE]
-    covariance = before.root @ np.swapaxes(before.root, 1, 2) - told + r[:, :, None] * told * r[:, None]
-    each = range(sd.shape[1])
-    covariance[:, each, each] = np.maximum(covariance[:, each, each], 0.0)  # of a size that is held, but for rounding
+    told, covariance = told_and_covariance(before.root @ np.swapaxes(before.root, 1, 2), told, unsure)
     own = OwnBones(
         (sd * mean).T,
         np.moveaxis(sd[:, :, None] * sd[:, None] * covariance, 0, -1),
         sd.T,
         np.stack([np.array(one) for one in scales], axis=-1),
         np.full(len(scales), HERE),
+        told.T,
     )
     columns = persons_first(spread.columns_mm * _of_sizes(scales))
     return own, (columns @ mean[..., None])[..., 0].T

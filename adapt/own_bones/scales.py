@@ -153,13 +153,35 @@ def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence
     return [Scales(*one) for one in (np.exp(x).T * np.array(PRIOR)).tolist()]
 
 
+def relative_variances(
+    of: Moments, runs: Bool[np.ndarray, "runs problems"], found: Sequence[Scales]
+) -> Float[np.ndarray, "runs groups"]:
+    """Compute the variance of each group's scale at its most probable value, relative to the square of that.
+
+    By the curvature in the scales themselves: the logarithm of one that is nearly 0 has none.
+    """
+    if not len(runs):
+        return np.zeros((0, len(GROUPS)))
+    run, problem = np.nonzero(runs)
+    x = np.log(np.array(found) / np.array(PRIOR)).T
+    _, slope, curvature, expected = minus_two_log_likelihood(x, Moments(*(one[..., problem] for one in of)), run)
+    in_scales = curvature - np.eye(len(slope))[..., None] * slope
+    matrices = _convex(in_scales, expected)
+    return 2.0 * np.einsum("rgg->rg", np.linalg.inv(matrices))[:, : len(GROUPS)]
+
+
 def _newton(slope, curvature, expected, free) -> Float[np.ndarray, "scales runs"]:
     """The step of those that are free, by the expected curvature where the other one is not positive definite."""
     both, unit = free[:, None] & free, np.eye(len(slope))[..., None]
-    own, other = (np.moveaxis(np.where(both, one, unit), -1, 0) for one in (curvature, expected))
+    matrices = _convex(*(np.where(both, one, unit) for one in (curvature, expected)))
+    return np.linalg.solve(matrices, (slope * free).T[..., None])[..., 0].T
+
+
+def _convex(curvature, expected) -> Float[np.ndarray, "runs scales scales"]:
+    """The curvature of each run, where it is not positive definite the one expected."""
+    own, other = (np.moveaxis(one, -1, 0) for one in (curvature, expected))
     convex = np.linalg.eigvalsh(own)[:, 0] > 0.0
-    matrix = np.where(convex[:, None, None], own, other)
-    return np.linalg.solve(matrix, (slope * free).T[..., None])[..., 0].T
+    return np.where(convex[:, None, None], own, other)
 
 
 def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: Moments, run: Int[np.ndarray, " pairs"]):

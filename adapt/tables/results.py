@@ -295,7 +295,7 @@ def own_columns(own: OwnBones, words: Shaped[np.ndarray, " problems"]) -> dict[s
     for name, values in zip(OWN_SCALES, own.scales, strict=True):
         columns[name] = values
     far = np.abs(own.sizes) > FAR_SDS * own.prior_sd
-    untold = own.sd > UNTOLD * own.prior_sd
+    untold = (own.prior_sd > 0.0) & (own.told < 1.0 - UNTOLD**2)
     for name, which in (("far_from_people", far), ("not_told", untold)):
         columns[name] = np.array([" ".join(np.array(NAMES)[one].tolist()) for one in (which & good).T], object)
     return columns | {OWN_WORD: np.where(good, own.word, "")}

@@ -109,9 +109,8 @@ def test_the_columns_say_who_is_far_and_what_is_not_told():
     variance = np.full((n, 3), (1.01 * UNTOLD) ** 2)
     variance[told] = (0.99 * UNTOLD) ** 2
     covariance = np.einsum("ij,ip->ijp", np.eye(n), variance)
-    own = OwnBones(
-        sizes, covariance, prior, np.array([[1.2] * 3, [1.1] * 3, [0.9] * 3, [0.7] * 3]), np.array([0, 1, 2])
-    )
+    scales = np.array([[1.2] * 3, [1.1] * 3, [0.9] * 3, [0.7] * 3])
+    own = OwnBones(sizes, covariance, prior, scales, np.array([0, 1, 2]), 1.0 - variance)
     columns = own_columns(own, np.array(["ok", "ok", "not_converged"]))
     assert columns["far_from_people"].tolist() == ["M_y TS_x", "", ""]
     everything_else = " ".join(name for name in NAMES if name != "scapula_size")

@@ -1,5 +1,5 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
-"""What motions tell of bones, less what slopes overstate: straight and bent valleys, and the intervals with it."""
+"""What intervals of bones are unsure of: straight and bent valleys, and scales that few persons tell."""
 
 from types import SimpleNamespace
 
@@ -8,11 +8,14 @@ import pytest
 from own_people import NOISE_DEG, R2, adapted, people, simulated
 
 from adapt.own_bones.own_adaptation import People, learn_people
-from adapt.own_bones.scales import Scales
+from adapt.own_bones.scales import IN_GROUP, SCALE_SD, Moments, Scales, learnt, relative_variances
+from adapt.own_bones.unsure import Unsure
 from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.person.own_bones import GROUPS, SIZES
 from motions import Motions
+
+NOTHING = np.zeros(len(GROUPS))
 
 GROUP = np.array([GROUPS.index(one.group) for one in SIZES])
 
@@ -23,8 +26,13 @@ def twice() -> SimpleNamespace:
     return simulated(60, 2.0, seed=11)
 
 
-def untold(motions: Motions, *models) -> dict:
-    return dict(learn_people(posture_rows(motions, {}), models or [R2], held_out=False).untold)
+def untold(motions: Motions, *models) -> np.ndarray:
+    """Of R2."""
+    return learn_people(posture_rows(motions, {}), models or [R2], held_out=False).unsure["R2"].untold
+
+
+def unsure(share=NOTHING, scale_variance=NOTHING) -> dict:
+    return {"R2": Unsure(np.array(share), np.array(scale_variance))}
 
 
 def test_a_share_that_is_not_told_is_the_prior_s():
@@ -32,7 +40,7 @@ def test_a_share_that_is_not_told_is_the_prior_s():
     motions = simulated(3).motions
     known, own = people(), adapted(motions).problems.own_bones
     share = np.array([0.0, 0.36, 1.0])
-    less = adapted(motions, People({}, known.everybody, known.without, untold={"R2": share})).problems.own_bones
+    less = adapted(motions, People({}, known.everybody, known.without, unsure=unsure(share))).problems.own_bones
     np.testing.assert_array_equal(less.sizes, own.sizes)
     prior = np.einsum("ij,jp->ijp", np.eye(len(SIZES)), own.prior_sd**2)
     r = np.sqrt(share)[GROUP]
@@ -41,33 +49,71 @@ def test_a_share_that_is_not_told_is_the_prior_s():
     np.testing.assert_allclose(less.sd[GROUP == 2], own.prior_sd[GROUP == 2], rtol=1e-9)
 
 
+def test_a_scale_that_is_unsure_makes_the_prior_s_part_unsure():
+    """C + C D C, in the units of the sizes; sizes, what is told and the distance from the set are as they were."""
+    motions = simulated(3).motions
+    known, own = people(), adapted(motions).problems.own_bones
+    variance = np.array([0.1, 0.0, 0.2])
+    less = adapted(motions, People({}, known.everybody, known.without, unsure=unsure(NOTHING, variance)))
+    less = less.problems.own_bones
+    for name in ("sizes", "told", "distance"):
+        np.testing.assert_array_equal(getattr(less, name), getattr(own, name))
+    sd = own.prior_sd[:, None] * own.prior_sd
+    C = own.covariance / sd
+    np.testing.assert_allclose(less.covariance / sd, C + np.einsum("ijp,j,jkp->ikp", C, variance[GROUP], C), atol=1e-12)
+
+
+def test_the_variance_of_scales_is_that_of_normal_numbers():
+    """A scale of n numbers that are seen as they are has the relative variance 1 / 2 n, less what the prior knows.
+
+    With a noise as large as the numbers more, and of persons who do not differ it is not sure to be 0.
+    """
+    generator, persons = np.random.default_rng(3), 40
+    n = len(SIZES)
+    numbers = persons * np.bincount(GROUP)
+    z = generator.standard_normal((n, persons))
+    z *= np.sqrt(numbers / (IN_GROUP.T @ (z**2)).sum(axis=1))[GROUP, None]  # their scale is 1 to the last digit
+
+    def variances(factor, noise_deg):
+        b = factor * z + noise_deg * generator.standard_normal((n, persons))
+        more = noise_deg * generator.standard_normal((9 * n, persons))  # which no size moves: they tell the noise
+        square, every = (b**2).sum(axis=0) + (more**2).sum(axis=0), np.ones((1, persons), bool)
+        of = Moments(np.repeat(np.eye(n)[..., None], persons, axis=-1), b, square, np.full(persons, 10 * n))
+        return relative_variances(of, every, learnt(of, every, [Scales()]))[0]
+
+    expected = 1.0 / (2.0 * numbers + 1.0 / SCALE_SD**2)
+    np.testing.assert_allclose(variances(1.0, 0.05), expected, rtol=0.02)
+    assert (variances(1.0, 1.0) > 2.0 * expected).all()
+    assert (variances(0.0, 1.0) > 0.1).all()
+
+
 def test_valleys_of_persons_who_hardly_differ_are_straight():
     """The chain is linear over a fiftieth of how people differ, and draws move the optimum as the slopes say."""
-    found = untold(simulated(20, 0.0, noise_deg=0.1, seed=12).motions)["R2"]
+    found = untold(simulated(20, 0.0, noise_deg=0.1, seed=12).motions)
     assert found[1:].max() < 0.02
 
 
 def test_bent_valleys_tell_less(twice):
     """And the same of a set alone as beside another."""
-    alone = untold(twice.motions)["R2"]
+    alone = untold(twice.motions)
     assert (alone > 0.08).all()
     assert (alone < 0.7).all()
-    np.testing.assert_allclose(untold(twice.motions, load_model("breteler_dissection"), R2)["R2"], alone, rtol=1e-6)
+    np.testing.assert_allclose(untold(twice.motions, load_model("breteler_dissection"), R2), alone, rtol=1e-6)
 
 
 def test_of_few_persons_nothing_is_known_of_it():
     few = simulated(9, 2.0).motions
     found = learn_people(posture_rows(few, {}), [R2])
     assert found.are_few
-    np.testing.assert_array_equal(found.untold_of([R2], few.subjects), np.zeros((len(GROUPS), len(few.subjects))))
+    np.testing.assert_array_equal(found.unsure_of([R2], few.subjects), np.zeros((2, len(GROUPS), len(few.subjects))))
 
 
 def test_intervals_of_persons_who_differ_twice_as_much_hold(twice):
     """Of bones and frames, with the scales as they are: without what valleys do not tell they are too small."""
     inside = {}
     scales = {"R2": Scales(1.0, 2.0, 2.0, NOISE_DEG)}
-    for word, untold_there in (("slopes", {}), ("valleys", untold(twice.motions))):
-        own = adapted(twice.motions, People({}, scales, {"R2": {}}, untold=untold_there)).problems.own_bones
+    for word, share in (("slopes", NOTHING), ("valleys", untold(twice.motions))):
+        own = adapted(twice.motions, People({}, scales, {"R2": {}}, unsure=unsure(share))).problems.own_bones
         close = np.abs(own.sizes - twice.sizes) <= 1.96 * own.sd
         inside[word] = [close[k == GROUP].mean() for k in (1, 2)]
     assert min(inside["slopes"]) < 0.925

@@ -5,15 +5,17 @@
     python scripts/research/person/study_own_bones.py --held-out ../shared/motions/bonepin_*.csv
     python scripts/research/person/study_own_bones.py --noise ../shared/motions/bonepin_*.csv
     python scripts/research/person/study_own_bones.py --truth
+    python scripts/research/person/study_own_bones.py --intervals --persons 100 --seed 30 --seeds 3
     python scripts/research/person/study_own_bones.py --few ../shared/motions/bonepin_*.csv
     python scripts/research/person/study_own_bones.py --landmarks
     python scripts/research/person/study_own_bones.py --positions ../shared/motions_positions
     python scripts/research/person/study_own_bones.py --time ../shared/motions/bonepin_*.csv
 
 --held-out: measured motions, each held out in turn. --noise: the same, by the noise that is assumed. --truth: simulated
-people whose bones are known. --few: few postures, one motion, one person, missing angles; simulated people, and
-measured motions where they are named. --landmarks: simulated people with positions of landmarks. --positions: measured
-positions, which no fit has seen, as a judge. --time: against the plain adaptation.
+people whose bones are known. --intervals: which of them hold the truth, by how many persons a run has. --few: few
+postures, one motion, one person, missing angles; simulated people, and measured motions where they are named.
+--landmarks: simulated people with positions of landmarks. --positions: measured positions, which no fit has seen, as a
+judge. --time: against the plain adaptation.
 """
 
 import argparse
@@ -34,7 +36,7 @@ from jaxtyping import Bool, Float
 from adapt import Adaptations, adapt_subjects, simulate_model_subjects
 from adapt.evaluation.person_constants import Chains, distances_mm
 from adapt.evaluation.position_check import Judge, adapted_to_folds, in_folds, of_motions
-from adapt.own_bones.own_adaptation import HERE, WORDS
+from adapt.own_bones.own_adaptation import HERE, WORDS, OwnBones
 from adapt.own_bones.own_adaptation import People as LearntPeople
 from adapt.own_bones.scales import Scales
 from adapt.solvers import status
@@ -50,6 +52,7 @@ from motions.rhythm_subjects import DATA_FILE, NOISE_DEG
 from scripts.reporting import markdown, measured, timed
 from scripts.research.person.own_bone_predictions import (
     ADAPTATIONS,
+    Fitted,
     adapted_to,
     bone_means,
     gaps_deg,
@@ -66,6 +69,7 @@ def main() -> None:
     parser.add_argument("--held-out", nargs="+", type=Path, metavar="MOTIONS")
     parser.add_argument("--noise", nargs="+", type=Path, metavar="MOTIONS")
     parser.add_argument("--truth", nargs="*", choices=WORLDS, metavar="WORLD", help="default: all")
+    parser.add_argument("--intervals", nargs="*", choices=WORLDS, metavar="WORLD", help="default: all")
     parser.add_argument("--few", nargs="*", type=Path, metavar="MOTIONS")
     parser.add_argument("--landmarks", action="store_true")
     parser.add_argument("--positions", type=Path, metavar="FOLDER")
@@ -73,6 +77,7 @@ def main() -> None:
     parser.add_argument("--model", action="append", default=[], help="parameter sets; default: all, simulated: R2")
     parser.add_argument("--persons", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=1, help="so many from --seed on, of --intervals")
     given = parser.parse_args()
     models = [load_model(name) for name in given.model or model_names()]
     one = load_model((given.model or ["R2"])[0])
@@ -82,6 +87,9 @@ def main() -> None:
         print(noise_table(measured(parser, given.noise), models))
     if given.truth is not None:
         print_truth(one, given.truth or list(WORLDS), given.persons, given.seed)
+    if given.intervals is not None:
+        seeds = range(given.seed, given.seed + given.seeds)
+        print(intervals_table(one, given.intervals or list(WORLDS), seeds, given.persons))
     if given.few is not None:
         people = simulate_people(one, WORLDS["as the prior"](one), given.persons, NOISE_DEG, given.seed)
         print(few_table(people.motions, one, people.true_deg))
@@ -193,15 +201,55 @@ def error_lines(name: str, people: People) -> Iterator[list[str]]:
 def gap_line(name: str, people: People) -> list[str]:
     """Format coverage, scales and gaps of one world."""
     fitted = adapted_to(people.motions, people.model, **ADAPTATIONS["own bones"])
+    own, shares, failed = covered(fitted, people)
+    *scales, noise = own.scales[:, 0]
+    against = [held_out_gaps(people.motions, people.model, way, people.true_deg) for way in ("plain", "own bones")]
+    cells = [f"{clavicle:.2f}, {scapula:.2f}" for k in (0, 1) for clavicle, scapula in (one[k] for one in against)]
+    return [
+        name,
+        *(f"{x:.1%}" for x in shares),
+        f"{', '.join(f'{one:.2f}' for one in scales)}; {noise:.2f}",
+        f"{failed}",
+        *cells,
+    ]
+
+
+def covered(fitted: Fitted, people: People) -> tuple[OwnBones, list[float], int]:
+    """Give the sizes, the shares of each group that are in their intervals, and how many persons failed."""
     own, good = fitted.result.problems.own_bones, fitted.result.problems.adapted.status == status.OK
     assert own is not None
     inside = (np.abs(own.sizes - people.sizes) <= NORMAL_95 * own.sd)[:, good]
     of = np.array([size.group for size in SIZES])
-    shares = [f"{inside[of == group].mean():.1%}" for group in GROUPS]
-    *scales, noise = own.scales[:, 0]
-    against = [held_out_gaps(people.motions, people.model, way, people.true_deg) for way in ("plain", "own bones")]
-    cells = [f"{clavicle:.2f}, {scapula:.2f}" for k in (0, 1) for clavicle, scapula in (one[k] for one in against)]
-    return [name, *shares, f"{', '.join(f'{one:.2f}' for one in scales)}; {noise:.2f}", f"{(~good).sum()}", *cells]
+    return own, [float(inside[of == group].mean()) for group in GROUPS], int((~good).sum())
+
+
+def intervals_table(model: ParameterSet, worlds: Sequence[str], seeds: Sequence[int], count: int) -> str:
+    """Tabulate coverage by how many of the same persons are adapted in a run; in parentheses the runs, if few."""
+    header, lines = ["world", "persons in a run", "runs", "in intervals: the six", *GROUPS[1:], "failed"], []
+    for name in worlds:
+        everybody = [simulate_people(model, WORLDS[name](model), count, NOISE_DEG, seed) for seed in seeds]
+        for size in [*(one for one in FEW_IN_A_RUN if one < count), count]:
+            runs = [run for people in everybody for run in in_runs(people, size)]
+            each = [covered(adapted_to(run.motions, model, **ADAPTATIONS["own bones"]), run) for run in runs]
+            shares = np.array([one[1] for one in each])
+            cells = [
+                f"{x:.1%}" + (f" ({low:.0%}-{high:.0%})" if len(runs) <= FEW_RUNS else "")
+                for x, low, high in zip(shares.mean(axis=0), shares.min(axis=0), shares.max(axis=0), strict=True)
+            ]
+            lines.append([name, f"{size}", f"{len(runs)}", *cells, f"{sum(one[2] for one in each)}"])
+    return markdown(header, lines)
+
+
+FEW_IN_A_RUN, FEW_RUNS = (1, 3, 5, 10, 20), 5
+
+
+def in_runs(people: People, size: int) -> Iterator[People]:
+    """Take so many persons at a time."""
+    names = people.motions.subjects
+    for first in range(0, len(names) - size + 1, size):
+        some = np.isin(people.motions.subject, names[first : first + size])
+        motions, sizes = people.motions.select(some), people.sizes[:, first : first + size]
+        yield replace(people, motions=motions, true_deg=people.true_deg[some], sizes=sizes)
 
 
 def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> list[tuple[float, float]]:

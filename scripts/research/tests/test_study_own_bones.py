@@ -13,7 +13,15 @@ from scripts.research.person.own_bone_predictions import (
     without,
 )
 from scripts.research.person.own_bone_worlds import OTHER_SDS, WORLDS, limit, simulate_people
-from scripts.research.person.study_own_bones import cases, error_lines, gap_line, held_out_table, positions_table
+from scripts.research.person.study_own_bones import (
+    cases,
+    error_lines,
+    gap_line,
+    held_out_table,
+    in_runs,
+    intervals_table,
+    positions_table,
+)
 
 PERSONS = 3
 
@@ -47,6 +55,20 @@ def test_lines_of_the_truth(people):
     assert [line[1] for line in lines][:3] == ["the set as it is", "plain", "own bones"]
     assert float(lines[0][2]) == pytest.approx(np.sqrt(np.mean(people.sizes[0] ** 2)), abs=0.06)
     assert len(gap_line("world", people)) == 10
+
+
+def test_runs_hold_the_persons_one_after_the_other(people):
+    runs = list(in_runs(people, 1))
+    assert [run.motions.subjects for run in runs] == [(name,) for name in people.motions.subjects]
+    np.testing.assert_array_equal(np.concatenate([run.sizes for run in runs], axis=1), people.sizes)
+    np.testing.assert_array_equal(np.concatenate([run.true_deg for run in runs]), people.true_deg)
+    assert [run.sizes.shape[1] for run in in_runs(people, 2)] == [2]
+
+
+def test_a_person_has_the_same_intervals_whoever_else_is_in_a_small_run(people):
+    lines = intervals_table(people.model, ["nobody"], [0], PERSONS).splitlines()[2:]
+    assert [line.split(" | ")[1:3] for line in lines] == [["1", "3"], ["3", "1"]]
+    assert all(line.count("100.0%") == 3 for line in lines)
 
 
 def test_nobody_differs_in_a_world_of_nobody():
