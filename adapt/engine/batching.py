@@ -159,6 +159,8 @@ def put_problems(tree: Any, index: Any, values: Any) -> None:
 
 def where_problems(chosen: Any, new: Any, old: Any) -> Any:
     """Take the chosen problems of every array of one tree, the others of another."""
+    if chosen.all() or not chosen.any():
+        return new if chosen.all() else old
     return jax.tree.map(lambda one, other: np.where(chosen, one, other), new, old)
 
 

@@ -18,7 +18,6 @@ from adapt.solvers.projection import damped_steps, gauss_newton
 from adapt.solvers.projection.bounded_step import lowest
 from adapt.solvers.projection.gauss_newton import End
 from adapt.solvers.projection.nearest_posture import THERE, _nearest_kernel, nearest_postures
-from adapt.solvers.projection.parts import Shared
 from adapt.solvers.projection.subjects import weight_of_sizes
 from models import load_model
 from models.effects import ActiveEffects, AnyGirdle
@@ -57,7 +56,7 @@ def adapted(joint: JointFit, hypothesis: Hypothesis, theta_mm, amplitude, betwee
     shared = joint._shared([hypothesis] * joint.groups)
     mean = np.tile(np.reshape(amplitude, (-1, 1)), joint.groups)
     scale = between * shared.scale / np.sqrt(weight_of_sizes(joint._parts))
-    return _minimum(joint._parts, Shared(shared.columns, scale, mean), theta_mm, mean)
+    return _minimum(joint._parts, shared._replace(scale=scale, mean=mean), theta_mm, mean)
 
 
 def test_personal_sizes_give_the_optimum_of_girdle_adapt():
@@ -119,14 +118,14 @@ def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
     name = "scapulothoracic_gap"
     where = joint.candidates.where((name,))
     theta, a = joint.from_starts().theta_mm, 0.3 * joint.candidates.scale[where]
-    parts, shared = joint._parts, joint._shared([(name,)])
+    parts, columns = joint._parts, joint.candidates.columns[where][..., joint.rows]
 
     def squares(amplitude):
-        strengths = np.einsum("k,kcr->cr", amplitude, shared.columns)
+        strengths = np.einsum("k,kcr->cr", amplitude, columns)
         return parts.nearest(theta, strengths)
 
     near = squares(a)
-    by_amplitude = np.einsum("icr,kcr->ikr", near.by_channel, shared.columns)
+    by_amplitude = np.einsum("icr,kcr->ikr", near.by_channel, columns)
     slope = 2.0 * np.einsum("r,ikr,ir->k", parts.weights, by_amplitude, near.y)
     for k, scale in enumerate(joint.candidates.scale[where]):
         step = np.zeros(len(a))

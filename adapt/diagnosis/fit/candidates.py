@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.solvers.projection.nearest_posture import strengths_of
+from adapt.solvers.projection.parts import acting
 from models.effects import EFFECTS, Effect
 from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers, with_sizes_of
 from models.parameter_sets import ParameterSet
@@ -57,6 +58,11 @@ class Candidates:
     mean: Float[np.ndarray, " amplitudes"]
     sizes: Mapping[str, MeasuredSize]
     """What landmarks say of amplitudes, by name."""
+
+    @cached_property
+    def acting(self) -> tuple[Int[np.ndarray, "some amplitudes"], Float[np.ndarray, "some amplitudes rows"]]:
+        """The channels in which each amplitude acts, and its strength there."""
+        return acting(self.columns)
 
     @cached_property
     def places(self) -> dict[str, Int[np.ndarray, " own"]]:

@@ -135,14 +135,21 @@ class JointFit:
     def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:
         """Lay out the amplitudes of each group's hypothesis; a group that has fewer than another has some idle ones."""
         places = [self.candidates.where(one) for one in hypotheses]
-        most, group_of_row = max(map(len, places)), self.group[self._parts.part]
-        columns = np.zeros((most, self.candidates.columns.shape[1], len(self.rows)))
+        most, group_of_row, (every, strengths) = (
+            max(map(len, places)),
+            self.group[self._parts.part],
+            self.candidates.acting,
+        )
+        channels = np.zeros((len(every), most, self.groups), int)
+        columns = np.zeros((len(every), most, len(self.rows)))
         scale, mean = np.ones((most, self.groups)), np.zeros((most, self.groups))
         for group, where in enumerate(places):
             at, own = np.flatnonzero(group_of_row == group), slice(len(where))
-            columns[own, :, at[0] : at[-1] + 1] = self.candidates.columns[where][:, :, self.rows[at]]
+            channels[:, own, group] = every[:, where]
+            columns[:, own, at[0] : at[-1] + 1] = strengths[:, where][..., self.rows[at]]
             scale[own, group], mean[own, group] = self.candidates.scale[where], self.candidates.mean[where]
-        return Shared(columns, scale, mean)
+        used = columns.any(axis=(1, 2))
+        return Shared(channels[used], columns[used], scale, mean)
 
     def of(self, parts: tuple[Part, ...]) -> "JointFit":
         """Take other parts."""
@@ -179,7 +186,7 @@ class JointFit:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
         first = self.model.theta_mm[self.subject]
         none = np.zeros((0, self.groups))
-        nothing = Shared(np.zeros((0, *self._parts.strengths.shape)), none, none)
+        nothing = self._shared([()] * self.groups)
         found = [_minimum(self._parts, nothing, first + start, none) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:

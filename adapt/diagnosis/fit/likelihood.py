@@ -46,10 +46,10 @@ class Likelihood:
         """How many of h and b there are."""
         return _N + _C * self.whitening.curves[0].shape[1]
 
-    @property
+    @cached_property
     def sd_mm(self) -> Float[np.ndarray, "subjects adapted"]:
         """SD of each person about its set."""
-        return self.model.sets.person_sd_mm.T
+        return np.asarray(self.model.sets.person_sd_mm).T
 
     @cached_property
     def _whitened(self) -> "_SideBySide":

@@ -108,17 +108,14 @@ class Objective:
     shared: Shared
 
     @cached_property
-    def used(self) -> Int[np.ndarray, "used rows"]:
-        """The channels that the amplitudes of each group act in; some more where another group has more."""
-        group = self.parts.group[self.parts.part]
-        starts = np.searchsorted(group, np.arange(self.shared.mean.shape[1]))
-        acts = np.logical_or.reduceat(self.shared.columns.any(axis=0), starts, axis=1)
-        return np.argsort(~acts, axis=0, kind="stable")[: acts.sum(axis=0).max(initial=0), group]
+    def _group(self) -> Int[np.ndarray, " rows"]:
+        return self.parts.group[self.parts.part]
 
     @cached_property
-    def columns(self) -> Float[np.ndarray, "own used rows"]:
-        """Strength in these channels of an amplitude of 1."""
-        return np.take_along_axis(self.shared.columns, self.used[None], 1)
+    def _places(self) -> Int[np.ndarray, "some own rows"]:
+        """Where the channels of amplitudes are among those of all rows, channel by channel."""
+        rows = len(self._group)
+        return rows * self.shared.channels[..., self._group] + np.arange(rows)
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Objective":
         """Take some groups."""
@@ -128,10 +125,9 @@ class Objective:
     def nearest(self, theta, a, start, there=THERE) -> Nearest:
         """Find the nearest postures of all rows."""
         parts, strengths = self.parts, self.parts.strengths
-        if len(self.used):
-            own = np.einsum("kr,kcr->cr", a[:, parts.group[parts.part]], self.columns)
-            strengths = strengths.copy()
-            np.put_along_axis(strengths, self.used, np.take_along_axis(strengths, self.used, 0) + own, 0)
+        if self._places.size:
+            own = (a[:, self._group] * self.shared.columns).ravel()
+            strengths = strengths + np.bincount(self._places.ravel(), own, strengths.size).reshape(strengths.shape)
         return parts.nearest(theta, strengths, start, there)
 
     def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
@@ -162,7 +158,7 @@ class Objective:
 
     def by_amplitude(self, near: Nearest) -> Float[np.ndarray, "3 own rows"]:
         """Give dy in the amplitudes."""
-        return np.einsum("icr,kcr->ikr", np.take_along_axis(near.by_channel, self.used[None], 1), self.columns)
+        return (near.by_channel.reshape(3, -1).take(self._places, axis=1) * self.shared.columns).sum(axis=1)
 
     def step(
         self, gradient, matrix, theta, a, damping: Float[np.ndarray, " groups"]

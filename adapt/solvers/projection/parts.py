@@ -20,15 +20,27 @@ class Shared(NamedTuple):
     """Amplitudes that the parts of a group share. What they are may differ between groups: one that a group does not
     have does nothing at its rows."""
 
-    columns: Float[np.ndarray, "own channels rows"]
-    """Strength in each channel at each row of an amplitude of 1."""
+    channels: Int[np.ndarray, "some own groups"]
+    """In which each amplitude acts; one that acts in fewer than another has some of strength 0."""
+    columns: Float[np.ndarray, "some own rows"]
+    """Strength there at each row of an amplitude of 1."""
     scale: Float[np.ndarray, "own groups"]
     mean: Float[np.ndarray, "own groups"]
     """Of their prior."""
 
     def of(self, groups: Bool[np.ndarray, " groups"], rows: Bool[np.ndarray, " rows"]) -> "Shared":
         """Take some groups, whose rows these are."""
-        return Shared(self.columns[..., rows], self.scale[:, groups], self.mean[:, groups])
+        channels, columns = self.channels[..., groups], self.columns[..., rows]
+        return Shared(channels, columns, self.scale[:, groups], self.mean[:, groups])
+
+
+def acting(
+    columns: Float[np.ndarray, "own channels rows"],
+) -> tuple[Int[np.ndarray, "some own"], Float[np.ndarray, "some own rows"]]:
+    """Find the channels in which each amplitude acts at any row, and its strength there (``Shared``)."""
+    acts = columns.any(axis=2)
+    channels = np.argsort(~acts, axis=1, kind="stable")[:, : acts.sum(axis=1).max(initial=0)]
+    return channels.T, np.take_along_axis(columns, channels[..., None], 1).swapaxes(0, 1)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from adapt.solvers import status
 from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.projection.gauss_newton import End, minimise
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, Nearest, strengths_of
-from adapt.solvers.projection.parts import Parts, Shared
+from adapt.solvers.projection.parts import Parts, Shared, acting
 from adapt.solvers.projection.thorax_term import Thorax
 from adapt.solvers.solution import (
     CONSTRAINT_TOLERANCE_MM,
@@ -94,7 +94,8 @@ def _steps(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles
     """An angle that was not measured holds a little to where it is."""
     parts = parts_of(problem, active_effects)
     count, start = theta.shape[1], _of_rows(problem, angles)
-    nothing = Shared(np.zeros((0, *parts.strengths.shape)), np.zeros((0, count)), np.zeros((0, count)))
+    none = np.zeros((0, count))
+    nothing = Shared(np.zeros((0, 0, count), int), np.zeros((0, 0, start.shape[1])), none, none)
 
     def finished(_, slope: Float[np.ndarray, "adapted parts"]) -> Bool[np.ndarray, " parts"]:
         return np.abs(slope).max(axis=0) <= THETA_TOLERANCE
@@ -150,7 +151,9 @@ def fit_sizes(
     columns = [_of_rows(problem, one) for one in active_effects.own]
     shape = sum(map(len, columns)), len(parts.group)
     scale = np.broadcast_to(1.0 / np.sqrt(weight_of_sizes(parts)), shape)
-    shared, start = Shared(strengths_of(columns), scale, np.zeros(shape)), _of_rows(problem, angles)
+    channels, strengths = acting(strengths_of(columns))
+    shared = Shared(np.repeat(channels[..., None], shape[1], axis=2), strengths, scale, np.zeros(shape))
+    start = _of_rows(problem, angles)
 
     def finished(gain, _) -> Bool[np.ndarray, " parts"]:
         return gain < _SETTLED
