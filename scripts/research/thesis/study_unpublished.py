@@ -288,8 +288,8 @@ _ROUNDS, _REACHES = 40, 0.5 ** np.arange(8)
 """Gauss-Newton steps within the ranges, and how far a number may go in one, in ranges: the best of these is taken."""
 
 _DIFFERENCE = 0.0005
-"""The step of differences, in ranges. Slopes of the measured shoulders are then within 2e-4 degrees and mm of those at
-0.001. At 0.02 one of R2 is 23 mm off, because a parameter comes to its bound on the way."""
+"""The step of differences, in ranges. Slopes of the measured shoulders are then within 1e-4 degrees and mm of the
+derivatives. At 0.02 one of R2 is 23 mm off, because a parameter comes to its bound on the way."""
 
 
 def closest_steps(model: ParameterSet, found: Cells, data: Data) -> Float[np.ndarray, " numbers"]:
