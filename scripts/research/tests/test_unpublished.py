@@ -62,22 +62,21 @@ def test_differences_keep_the_sign_across_a_corner(data):
     assert there.cells(data, here) - here.cells(data) == pytest.approx([-1.0] * 18 + [1.0] * 6 + [0.0] * 6)
 
 
-SLOPES_DEG = 2e-4
-"""Central differences err by the square of their step: these by 4e-5 degrees a range (1.7e-4 at twice the step)."""
+SLOPES = 2e-4
+"""Central differences err by the square of their step: by 4e-5 degrees or mm a range, at twice the step by 1.7e-4."""
 
 
-def test_slopes_of_the_fits_are_those_of_the_other_engine(data):
-    """Of the sets as they are, by derivatives and by differences of the compiled fits; each number has a slope."""
-    model = load_model("R2")
-    by_differences = study.differences(model, data, np.zeros(len(study.REACH)))
-    start = study.posture_angles(model.girdle, data.angles)
-    found, slopes = study.with_slopes(study.fitted, 4)(model.girdle, data.angles, start, np.zeros(len(study.REACH)))
-    parts = [study.gaps_and_slopes(found, slopes, data.angles, shares) for shares in data.shares]
-    by_derivatives = np.concatenate([slope for _, slope in parts]) * study.REACH
-    np.testing.assert_allclose(by_derivatives, by_differences[:18], atol=SLOPES_DEG, rtol=0.0)
-    moves = np.array([not one.name.startswith("thorax points") for one in study.NUMBERS_MOVED])
-    assert (np.abs(by_derivatives).max(axis=0)[moves] > 1000.0 * SLOPES_DEG).all()
-    assert not by_derivatives[:, ~moves].any()
+def test_slopes_are_those_of_the_other_engine(data):
+    """Of every cell, by derivatives and by differences of the compiled fits; every number moves some of them."""
+    model, rest = load_model("R2"), np.zeros(len(study.REACH))
+    found = study.by_derivatives(model, data, lambda _: None)
+    np.testing.assert_allclose(found.value, study.by_fits(model, data, rest[None])[0], atol=1e-9, rtol=0.0)
+    np.testing.assert_allclose(found.slope, study.differences(model, data, rest), atol=SLOPES, rtol=0.0)
+    assert (np.abs(found.slope).max(axis=0) > 1000.0 * SLOPES).all()
+    of_points = np.array([one.name.startswith("thorax points") for one in study.NUMBERS_MOVED])
+    before = np.abs(found.slope[:18]).max(axis=0)
+    assert (before[~of_points] > 1000.0 * SLOPES).all()
+    assert not before[of_points].any()
 
 
 def test_the_closest_numbers_are_the_least_squares_within_the_ranges(data, monkeypatch):
