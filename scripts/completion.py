@@ -52,6 +52,10 @@ POINT_HEIGHTS_MM = tuple(np.linspace(-20.0, -200.0, 8))
 _Y_THORAX = np.array([0.0, 1.0, 0.0])
 
 _DAS3 = "DAS3 (Chadwick et al., IEEE Trans. Biomed. Eng. 61(7):1947-1956, 2014, doi 10.1109/TBME.2014.2309727)"
+_LICENCE = """\
+Licence of these numbers: none is known. dasproject/DAS3 has no licence file, its release on SimTK reserves all rights;
+two of its authors publish the converted model under MIT. No Apache licence was found. See NOTICE and docs/release.md.\
+"""
 _CADAVER, _LANDMARKS = (published_lines()[part] for part in ("cadaver", "das3"))
 """The cadaver of Table 4.2, dissection, thorax frame; and its landmarks that DAS3's frames are made of."""
 _DAS3_CLAVICLE_CONOID = np.array([136.5, 20.6, 13.6])
@@ -361,7 +365,8 @@ def _das3_set() -> Completed:
         "constraint.ai_distance_mm": on_surface,
         "constraint.conoid_length_mm": f"published: conoid_length of {_DAS3}",
     }
-    return Completed("das3", "The numbers of DAS3, the same cadaver as breteler_dissection.", girdle, rest_deg, source)
+    title = f"The numbers of DAS3, the same cadaver as breteler_dissection.\n{_LICENCE}"
+    return Completed("das3", title, girdle, rest_deg, source)
 
 
 def _unclosed(

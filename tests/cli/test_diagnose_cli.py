@@ -34,6 +34,9 @@ BOTH = {"R4": replace(NOTHING, model="R4", gaps=gap_of(3.0, 3.0)), "R2": TWO}
 AS_IT_IS = {"noise_deg": None, "positions": "use", "position_noise_mm": None}
 """Options of which none is given."""
 
+SIX_ANGLES = {"angles": "six"}
+"""The command's own: the diagnosis is asked with the angles already left out."""
+
 ROW = "subject,motion,posture,humerus_elevation_deg," + ",".join(f"{angle}_deg" for angle in ANGLES)
 ROWS = [f"P1,abduction,{k},{30 * k},-30,12,7,32,{10 * k},-10" for k in range(1, 4)]
 
@@ -70,7 +73,7 @@ def test_the_command_writes_its_files_and_nothing_else(asked, tmp_path):
     for name, svg in figures(TWO).items():
         assert (out / name).read_text() == svg
     record = json.loads((out / "run.json").read_text())
-    assert (record["command"], record["options"]) == ("diagnose", AS_IT_IS)
+    assert (record["command"], record["options"]) == ("diagnose", AS_IT_IS | SIX_ANGLES)
     assert sentence(TWO) in " ".join(ended.out.split())
     assert max(map(len, ended.out.splitlines()[:-2])) <= 80, "nothing is cut, and nothing needs to be"
 
@@ -95,6 +98,16 @@ def test_the_terminal_says_cause_size_test_and_what_to_measure_and_type_next(ask
     causes = f"--own-bones --effects-of {out} --out {out}_adapted"
     assert next_line == f"Next: girdle adapt {motion} --model R2 {causes}"
     assert page_line == f"Open {out / 'report.html'}"
+
+
+def test_five_angles_are_diagnosed_without_the_axial_rotation_and_so_is_what_to_type_next(asked, monkeypatch, tmp_path):
+    seen, answer = [], cli.diagnose
+    monkeypatch.setattr(cli, "diagnose", lambda motions, *a, **b: seen.append(motions) or answer(motions, *a, **b))
+    motion, out = written(tmp_path, [ROW, *ROWS]), tmp_path / "out"
+    said = girdle("diagnose", motion, "--model", "R4", "--model", "R2", "--angles", "five", "--out", out).out
+    assert np.isfinite(seen[0].angles_deg).all(axis=0).tolist() == [True, True, False, True, True, True]
+    assert f"--model R2 --angles five --own-bones --effects-of {out}" in said
+    assert json.loads((out / "run.json").read_text())["options"]["angles"] == "five"
 
 
 def test_the_tables_show_the_gap_budget_first_and_then_the_causes(asked, tmp_path):
@@ -228,7 +241,7 @@ def test_the_noise_given_is_used_and_reported(real):
     _, out = real
     found = json.loads((out / "diagnosis.json").read_text())
     assert found["noise"] == {"angle_deg": 1.7, "source": "given", "freedom": None}
-    assert json.loads((out / "run.json").read_text())["options"] == AS_IT_IS | {"noise_deg": 1.7}
+    assert json.loads((out / "run.json").read_text())["options"] == AS_IT_IS | SIX_ANGLES | {"noise_deg": 1.7}
 
 
 def test_a_subject_with_too_few_postures_is_left_out_and_named(real):

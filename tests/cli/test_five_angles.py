@@ -22,7 +22,11 @@ def blank(six, tmp_path):
     return tmp_path / "blank.csv"
 
 
-@pytest.mark.parametrize(("command", "table"), [("adapt", "parameters"), ("fit", "fits"), ("compare", "comparison")])
+TABLES = {"adapt": "parameters", "fit": "fits", "compare": "comparison", "trust": "trust", "muscles": "balance"}
+"""What is compared of each command; that of `girdle diagnose` is in test_diagnose_cli.py."""
+
+
+@pytest.mark.parametrize(("command", "table"), TABLES.items())
 def test_five_angles_are_an_empty_column(six, blank, tmp_path, command, table):
     ran = girdle(command, six, "--angles", "five", "--out", tmp_path / "five")
     alike = girdle(command, blank, "--out", tmp_path / "blank")

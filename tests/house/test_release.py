@@ -88,6 +88,17 @@ def test_every_shipped_table_of_numbers_has_its_source():
     assert set(rows("file")) == files
 
 
+OF_DAS3 = ("models/muscles/delft_lines.toml", "models/sets/das3.toml", "docs/release.md", "NOTICE")
+
+
+@pytest.mark.parametrize("file", OF_DAS3)
+def test_where_numbers_of_das3_stand_their_licence_is_said(file):
+    """No licence is known: no Apache licence was found, and no file of one. In the head of a file of numbers."""
+    said = " ".join((ROOT / file).read_text().partition('name = "')[0].replace("#", "").replace("`", "").split())
+    assert "dasproject/DAS3 has no licence file" in said
+    assert "reserves all rights" in said or "all rights reserved" in said
+
+
 def recipe() -> dict:
     return yaml.safe_load((ROOT / "packaging" / "conda" / "recipe.yaml").read_text())
 

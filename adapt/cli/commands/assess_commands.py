@@ -4,8 +4,19 @@ from typing import Annotated
 
 import typer
 
-from adapt.cli.choices import BODY_MASS_KG, POSITION_USES, WEIGHT
-from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, OwnBones, Repeat, ShowTables, Weight, asked_models
+from adapt.cli.choices import BODY_MASS_KG, POSITION_USES, SIX, WEIGHT
+from adapt.cli.options import (
+    Angles,
+    Models,
+    ModelsOf,
+    MotionFiles,
+    Out,
+    OwnBones,
+    Repeat,
+    ShowTables,
+    Weight,
+    asked_models,
+)
 
 HEAVIEST_LOAD_KG = 100.0
 """Nobody holds more with a straight arm: it is a slip of the pen."""
@@ -42,6 +53,7 @@ def diagnose_gap(
             show_default=False,
         ),
     ] = None,
+    angles: Angles = SIX,
     tables: ShowTables = False,
     repeat: Repeat = None,
 ) -> None:
@@ -64,7 +76,7 @@ def diagnose_gap(
     from adapt.cli.commands.assess_runs import diagnose_motions  # JAX and pandas: not for --help
 
     asked = asked_models(model, models_of)
-    diagnose_motions(motions, out, asked, noise_deg, positions, position_noise_mm, tables)
+    diagnose_motions(motions, out, asked, noise_deg, positions, position_noise_mm, angles, tables)
 
 
 def trust_results(
@@ -77,6 +89,7 @@ def trust_results(
         bool, typer.Option("--choose-weight", help="Try other w too, and say which is best on held-out motions.")
     ] = False,
     own_bones: OwnBones = False,
+    angles: Angles = SIX,
     repeat: Repeat = None,
 ) -> None:
     """Adapt as `girdle adapt` does, and say how far the result can be trusted.
@@ -89,7 +102,7 @@ def trust_results(
     """
     from adapt.cli.commands.assess_runs import assess_motions  # JAX and pandas: not for --help
 
-    assess_motions(motions, out, asked_models(model, models_of), weight, choose_weight, own_bones)
+    assess_motions(motions, out, asked_models(model, models_of), weight, choose_weight, own_bones, angles)
 
 
 def muscle_results(
@@ -104,6 +117,7 @@ def muscle_results(
     load_kg: Annotated[
         float, typer.Option(min=0.0, max=HEAVIEST_LOAD_KG, help="Held in the hand, with the elbow straight.")
     ] = 0.0,
+    angles: Angles = SIX,
     repeat: Repeat = None,
 ) -> None:
     """Adapt as `girdle adapt` does, and compare muscle arms and the forces that hold the arm before and after.
@@ -117,4 +131,4 @@ def muscle_results(
     """
     from adapt.cli.commands.assess_runs import compare_muscles  # JAX and pandas: not for --help
 
-    compare_muscles(motions, out, asked_models(model, models_of), weight, body_mass_kg, load_kg)
+    compare_muscles(motions, out, asked_models(model, models_of), weight, body_mass_kg, load_kg, angles)

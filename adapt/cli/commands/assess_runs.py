@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from adapt.api import adapt_subjects, adapt_with_every_fold
+from adapt.cli.choices import SIX
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import read_inputs
 from adapt.cli.options import EFFECTS_OF_OPTION, console, errors
@@ -41,6 +42,7 @@ def diagnose_motions(
     noise_deg: float | None,
     positions: str,
     position_noise_mm: float | None,
+    angles: str,
     tables: bool,
 ) -> None:
     """Diagnose the gap, write the files of ``girdle diagnose`` and print what was found.
@@ -52,7 +54,7 @@ def diagnose_motions(
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
     check_use(positions, position_noise_mm)
     gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
-    table, models, record = read_inputs(motions, asked)
+    table, models, record = read_inputs(motions, asked, angles)
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = adapt_with_every_fold(table, models, progress=report)
@@ -65,29 +67,33 @@ def diagnose_motions(
                 write_json(as_json(diagnoses), part / "diagnosis.json")
                 write_adaptations(part, result)
                 write_positions(part, diagnoses)
-                write_run(part, "diagnose", record, given, table.rejected)
+                options: dict[str, object] = {**given, "angles": angles}
+                write_run(part, "diagnose", record, options, table.rejected)
                 failed = not_adapted(result) | diagnoses.closest.left_out
                 wrong = write_report(part, table, models, result, failed, diagnoses=diagnoses)
         sets = {one.name: name for one, name in zip(models, asked, strict=True)}
-        print_diagnosis(console, diagnoses, tables, _next_command(diagnoses, motions, sets, out))
+        print_diagnosis(console, diagnoses, tables, _next_command(diagnoses, motions, sets, out, angles))
         say_report(folder, wrong)
     finish(table, failed)
 
 
-def _next_command(diagnoses: Diagnoses, motions: Sequence[Path], sets: Mapping[str, str], out: Path) -> str:
+def _next_command(
+    diagnoses: Diagnoses, motions: Sequence[Path], sets: Mapping[str, str], out: Path, angles: str
+) -> str:
     """Write the command that adapts the same motions with own bones and, where there are any, with the causes."""
     asked = sets[diagnoses.closest.model]
     model = ("--models-of" if Path(asked).is_dir() else "--model", asked)
     causes = (EFFECTS_OF_OPTION, str(out)) if diagnoses.closest.options else ()
+    fewer = () if angles == SIX else ("--angles", angles)
     to = str(out.with_name(f"{out.name}_adapted"))
-    return shlex.join(["girdle", "adapt", *map(str, motions), *model, "--own-bones", *causes, "--out", to])
+    return shlex.join(["girdle", "adapt", *map(str, motions), *model, *fewer, "--own-bones", *causes, "--out", to])
 
 
 def assess_motions(
-    motions: list[Path], out: Path, models: list[str], weight: float, choose_weight: bool, own_bones: bool
+    motions: list[Path], out: Path, models: list[str], weight: float, choose_weight: bool, own_bones: bool, angles: str
 ) -> None:
     """Adapt, write the files of ``girdle trust`` and print how far the result can be trusted."""
-    table, sets, record = read_inputs(motions, models)
+    table, sets, record = read_inputs(motions, models, angles)
     with results_folder(out) as folder:
         with progress(errors) as report:
             found = assess_trust(table, sets, weight, choose_weight, report, own_bones)
@@ -98,19 +104,25 @@ def assess_motions(
             write_table(found.subjects, part / "trust.csv")
             if found.weights is not None:
                 write_table(found.weights, part / "weights.csv")
-            options = {"weight": weight, "choose_weight": choose_weight, "own_bones": own_bones}
+            options = {"weight": weight, "choose_weight": choose_weight, "own_bones": own_bones, "angles": angles}
             write_run(part, "trust", record, options, table.rejected)
     print_trust(console, found)
     finish(table, not_adapted(found.adaptations))
 
 
 def compare_muscles(
-    motions: list[Path], out: Path, models: list[str], weight: float, body_mass_kg: float, load_kg: float
+    motions: list[Path],
+    out: Path,
+    models: list[str],
+    weight: float,
+    body_mass_kg: float,
+    load_kg: float,
+    angles: str,
 ) -> None:
     """Adapt, write the files of ``girdle muscles`` and print arms and forces before and after."""
     from adapt.output.muscle_files import write_muscles  # matplotlib takes half a second to load: not for every command
 
-    table, sets, record = read_inputs(motions, models)
+    table, sets, record = read_inputs(motions, models, angles)
     for one in sets:
         muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
     humerus_pose(table)  # and a column without numbers
@@ -123,8 +135,8 @@ def compare_muscles(
             with transaction(folder) as part:
                 write_adaptations(part, result)
                 write_muscles(part, found)
-                options: dict[str, object] = {"weight": weight, "body_mass_kg": body_mass_kg, "load_kg": load_kg}
-                write_run(part, "muscles", record, options, table.rejected)
+                held: dict[str, object] = {"weight": weight, "body_mass_kg": body_mass_kg, "load_kg": load_kg}
+                write_run(part, "muscles", record, held | {"angles": angles}, table.rejected)
                 wrong = write_report(part, table, sets, result, not_adapted(result), muscles=found)
         print_muscles(console, found)
         say_report(folder, wrong)

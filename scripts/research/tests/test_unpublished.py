@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from models import load_model
 from models.girdle import NUMBERS
@@ -52,12 +53,40 @@ def test_gaps_and_slopes_by_hand():
     assert changes[0, 0] == pytest.approx(0.25 * 1.0 - 0.75 * 3.0)
 
 
-def test_slopes_of_the_fits_are_those_of_the_other_engine(data):
-    """Of the sets as they are, by derivatives and by differences of the compiled fits."""
-    model = load_model("R2")
-    by_differences = study.differences(model, data, np.zeros(len(study.REACH)))
-    start = study.posture_angles(model.girdle, data.angles)
-    found, slopes = study.with_slopes(study.fitted, 4)(model.girdle, data.angles, start, np.zeros(len(study.REACH)))
-    parts = [study.gaps_and_slopes(found, slopes, data.angles, shares) for shares in data.shares]
-    by_derivatives = np.concatenate([slope for _, slope in parts]) * study.REACH
-    np.testing.assert_allclose(by_derivatives, by_differences[:18], atol=0.02)
+def test_differences_keep_the_sign_across_a_corner(data):
+    """A gap of 0.5 degrees that becomes -0.5 has fallen by 1, though |gap| has not; the others grow by 1."""
+    before, after = np.ones(data.angles.shape), np.ones((6, *data.abduction.shape))
+    here = study.SignedGaps(before * 0.5, after * -2.0, np.arange(6.0))
+    there = study.SignedGaps(before * -0.5, after * -3.0, np.arange(6.0))
+    assert there.cells(data) - here.cells(data) == pytest.approx([0.0] * 18 + [1.0] * 6 + [0.0] * 6)
+    assert there.cells(data, here) - here.cells(data) == pytest.approx([-1.0] * 18 + [1.0] * 6 + [0.0] * 6)
+
+
+SLOPES = 2e-4
+"""Central differences err by the square of their step: by 4e-5 degrees or mm a range, at twice the step by 1.7e-4."""
+
+
+def test_slopes_are_those_of_the_other_engine(data):
+    """Of every cell, by derivatives and by differences of the compiled fits; every number moves some of them."""
+    model, rest = load_model("R2"), np.zeros(len(study.REACH))
+    found = study.by_derivatives(model, data, lambda _: None)
+    np.testing.assert_allclose(found.value, study.by_fits(model, data, rest[None])[0], atol=1e-9, rtol=0.0)
+    np.testing.assert_allclose(found.slope, study.differences(model, data, rest), atol=SLOPES, rtol=0.0)
+    assert (np.abs(found.slope).max(axis=0) > 1000.0 * SLOPES).all()
+    of_points = np.array([one.name.startswith("thorax points") for one in study.NUMBERS_MOVED])
+    before = np.abs(found.slope[:18]).max(axis=0)
+    assert (before[~of_points] > 1000.0 * SLOPES).all()
+    assert not before[of_points].any()
+
+
+def test_the_closest_numbers_are_the_least_squares_within_the_ranges(data, monkeypatch):
+    """Of cells that are linear in the numbers: against SciPy's own bounded least squares, from the shipped set."""
+    slope = np.random.default_rng(0).normal(size=(30, len(study.REACH)))
+    value = study.printed_cells("R2") + 5.0 * slope.sum(axis=1) * np.cos(np.arange(30))
+    monkeypatch.setattr(study, "by_fits", lambda _, __, steps: value + (steps / study.REACH) @ slope.T)
+    monkeypatch.setattr(study, "differences", lambda *_: slope)
+    steps = study.closest_steps(load_model("R2"), study.Cells(value, slope), data)
+    off = (study.printed_cells("R2") - value)[study.GAPS]
+    expected = lsq_linear(slope[study.GAPS], off, bounds=(-1.0, 1.0)).x
+    assert 0 < (np.abs(expected) > 0.999).sum() < len(expected)
+    np.testing.assert_allclose(steps, expected, atol=1e-6)
