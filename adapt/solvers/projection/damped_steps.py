@@ -15,6 +15,11 @@ STUCK = 0.1
 """A step with more damping than this is short because it must be, not because it is the last."""
 
 
+_GOOD, _POOR, _MORE_AFTER_POOR = 0.75, 0.25, 2.0
+"""Shares of the decrease that is expected, as of trust regions (More 1978): after a step that goes down by less than
+the first the next is no longer, by less than the second it is shorter."""
+
+
 class Damping(NamedTuple):
     """How the damping of a group goes along its steps."""
 
@@ -28,11 +33,16 @@ class Damping(NamedTuple):
     """A group that needs more stands at a wall: it ends there."""
 
     def after(
-        self, damping: Float[np.ndarray, " groups"], better: Bool[np.ndarray, " groups"]
+        self,
+        damping: Float[np.ndarray, " groups"],
+        better: Bool[np.ndarray, " groups"],
+        share: Float[np.ndarray, " groups"] | float = 1.0,
     ) -> Float[np.ndarray, " groups"]:
-        """Give the damping of the next step."""
+        """Give the damping of the next step. ``share``: what a step went down of what was expected of it."""
         less = damping * self.less * (damping > self.least)
-        return np.where(better, less, np.maximum(damping * self.more, self.least_after_failure))
+        poor = np.maximum(damping * _MORE_AFTER_POOR, self.least_after_failure)
+        after_down = np.where(share > _GOOD, less, np.where(share > _POOR, damping, poor))
+        return np.where(better, after_down, np.maximum(damping * self.more, self.least_after_failure))
 
 
 Steps = tuple[Any, Any, Any]
