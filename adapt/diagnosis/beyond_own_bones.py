@@ -184,6 +184,10 @@ class OwnBonesNull:
             if gaps[worst] > self._mean(chosen, named):
                 break
             chosen = without(chosen, worst)
+        return self.tested(chosen, named, floor_deg)
+
+    def tested(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> Hypothesis:
+        """Leave out what own bones are a null for, if it takes no share of what they leave beside the others chosen."""
         return chosen if self.probability(chosen, named, floor_deg) >= LEAST_PROBABILITY else self._constants(chosen)
 
     def probability(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> float:

@@ -161,7 +161,7 @@ class _Study:
         kept = probable(null.beyond(other, mean_floor), weights.inclusion, candidates.causes)
         rejected = weights.unexplained >= REJECTED
         if rejected:
-            kept = standing(search, kept, named.seen, weights.inclusion)
+            kept = null.tested(standing(search, kept, named.seen, weights.inclusion), other, mean_floor)
         weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
         rungs = null.ladder(kept, other)
         gains = null.gains(rungs, other, mean_floor)
