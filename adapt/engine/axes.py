@@ -84,7 +84,7 @@ class AxisLoop:
     def _total(self, x: Any, join: Callable[..., SimdValue], counts: SimdValue | None, before_loop: list[str]) -> Any:
         """Return the address of a running total that begins with 0, or x where it is 0 by construction."""
         builder = self._builder
-        if builder.is_constant(x, 0.0):
+        if builder.is_zero(x):
             return x
         if counts is not None:
             x = builder.where(counts, x, 0.0)

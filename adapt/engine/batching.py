@@ -159,8 +159,10 @@ def put_problems(tree: Any, index: Any, values: Any) -> None:
 
 def where_problems(chosen: Any, new: Any, old: Any) -> Any:
     """Take the chosen problems of every array of one tree, the others of another."""
-    if chosen.all() or not chosen.any():
-        return new if chosen.all() else old
+    if chosen.all():
+        return new
+    if not chosen.any():
+        return old
     return jax.tree.map(lambda one, other: np.where(chosen, one, other), new, old)
 
 

@@ -63,29 +63,29 @@ class FunctionBuilder:
     def add(self, a: Any, b: Any) -> SimdValue:
         """Add a and b; adding what is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
-        if a.operand == self._zero:
+        if self.is_zero(a):
             return b
-        return a if b.operand == self._zero else self.arithmetic("fadd", a, b)
+        return a if self.is_zero(b) else self.arithmetic("fadd", a, b)
 
     def subtract(self, a: Any, b: Any) -> SimdValue:
         """Subtract b from a; subtracting what is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
-        if b.operand == self._zero:
+        if self.is_zero(b):
             return a
-        if a.operand == self._zero:
+        if self.is_zero(a):
             return self._number(f"fneg {self.vector} {b.operand}")
         return self.arithmetic("fsub", a, b)
 
     def multiply(self, a: Any, b: Any) -> SimdValue:
         """Multiply a by b. What is 0 by construction stays so, whatever it is multiplied by."""
         a, b = self.broadcast(a), self.broadcast(b)
-        if a.operand == self._zero or b.operand == self._one:
+        if self.is_zero(a) or b.operand == self._one:
             return a
-        return b if b.operand == self._zero or a.operand == self._one else self.arithmetic("fmul", a, b)
+        return b if self.is_zero(b) or a.operand == self._one else self.arithmetic("fmul", a, b)
 
-    def is_constant(self, x: Any, value: float) -> bool:
-        """Tell whether x is this number by construction."""
-        return self.broadcast(x).operand == self.broadcast(value).operand
+    def is_zero(self, x: Any) -> bool:
+        """Tell whether x is 0 by construction."""
+        return self.broadcast(x).operand == self._zero
 
     def call_intrinsic(self, function: str, *arguments: Any, flags: str = "") -> SimdValue:
         """Call LLVM's function of this name."""

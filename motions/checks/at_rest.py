@@ -10,10 +10,9 @@ from jaxtyping import Float, Int
 from motions.checks.corner import REMEDY as CALL_IT_AA
 from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
-from motions.checks.motion_table import in_another_frame, not_read, out_of_line, stands_still
+from motions.checks.motion_table import in_another_frame, not_read, out_of_line, stands_still, zero_or_radians
 from motions.checks.signs import (
     BACKWARD,
-    LARGE_MOTION_DEG,
     exchanged,
     likely_convention,
     runs_backward,
@@ -171,8 +170,8 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
     positions = {name: place.T for name, place in mine.landmarks_mm.items()}
     wrong = misfit(positions)
-    frame = None if wrong else in_another_frame(mine)
-    for doubt in (_of_size(mine), stands_still(mine), out_of_line(mine), frame):
+    frame = None if wrong else in_another_frame(mine, positions)
+    for doubt in (zero_or_radians(mine), stands_still(mine), out_of_line(mine), frame):
         if doubt:
             found.append(InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]))
     if exchange is not None:
@@ -187,37 +186,3 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         remedy = BACKWARD if runs_backward(mine) else likely_convention(signs)
         found.append(InputError(file, None, cause, remedy))
     return found
-
-
-LARGEST_RADIANS = 1.0
-"""No clavicle is elevated or turned, and no scapula tipped, by more. In degrees, an angle that stays below it while the
-arm rises by 60 has less than the noise of a measurement and a tenth of its course in people."""
-
-_SMALL = ("clavicle_z", "clavicle_x", "scapula_x")
-"""Angles that a check of larger values (``motions.motion_csv.unit_and_side``) does not see in radians."""
-
-_FEWEST_VALUES = 3
-
-
-def _of_size(mine: Motions) -> tuple[str, str] | None:
-    """What is wrong with angles that are 0 throughout, or small while the arm moves, and what to do."""
-    by_angle = {angle: column[np.isfinite(column)] for angle, column in zip(ANGLES, mine.angles_deg.T, strict=True)}
-    known = {angle: values for angle, values in by_angle.items() if len(values) >= _FEWEST_VALUES}
-    zero = [f"{angle}_deg" for angle, values in known.items() if not values.any()]
-    if zero and len(zero) < len(known):
-        return (
-            f"{' and '.join(zero)} is 0 in every posture",
-            "Empty its cells if it was not measured: 0 counts as measured",
-        )
-    elevation = mine.humerus_elevation_deg[np.isfinite(mine.humerus_elevation_deg)]
-    if not len(elevation) or np.ptp(elevation) < LARGE_MOTION_DEG:
-        return None
-    small = [
-        f"{angle}_deg" for angle in _SMALL if angle in known and 0.0 < np.abs(known[angle]).max() <= LARGEST_RADIANS
-    ]
-    if not small:
-        return None
-    return (
-        f"{' and '.join(small)} never exceeds {LARGEST_RADIANS:g} while the arm moves: it looks like radians",
-        "Give degrees",
-    )

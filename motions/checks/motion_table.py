@@ -15,6 +15,15 @@ from motions.table import ANGLES, LANDMARKS, Motions
 Doubt = tuple[str, str]
 """Cause and remedy."""
 
+LARGEST_RADIANS = 1.0
+"""No clavicle is elevated or turned, and no scapula tipped, by more. In degrees, an angle that stays below it while the
+arm rises by 60 has less than the noise of a measurement and a tenth of its course in people."""
+
+_SMALL = ("clavicle_z", "clavicle_x", "scapula_x")
+"""Angles that a check of larger values (``motions.motion_csv.unit_and_side``) does not see in radians."""
+
+_FEWEST_VALUES = 3
+
 FEWEST_STILL = 5
 """Values; fewer may be alike by chance or by hand."""
 
@@ -43,17 +52,49 @@ def not_read(columns: Iterable[str]) -> Doubt | None:
     return f"column {', '.join(found)} is not read", "Positions are SC_x_mm, SC_y_mm, SC_z_mm and so on, in mm"
 
 
+def zero_or_radians(mine: Motions) -> Doubt | None:
+    """Find angles that are 0 throughout, or small while the arm moves."""
+    known = _known_angles(mine, _FEWEST_VALUES)
+    zero = [f"{angle}_deg" for angle, values in known.items() if not values.any()]
+    if zero and len(zero) < len(known):
+        return (
+            f"{' and '.join(zero)} is 0 in every posture",
+            "Empty its cells if it was not measured: 0 counts as measured",
+        )
+    if not _arm_moves(mine):
+        return None
+    small = [
+        f"{angle}_deg" for angle in _SMALL if angle in known and 0.0 < np.abs(known[angle]).max() <= LARGEST_RADIANS
+    ]
+    if not small:
+        return None
+    return (
+        f"{' and '.join(small)} never exceeds {LARGEST_RADIANS:g} while the arm moves: it looks like radians",
+        "Give degrees",
+    )
+
+
 def stands_still(mine: Motions) -> Doubt | None:
     """Find angles other than 0 that are the same in every posture while the arm moves."""
-    elevation = mine.humerus_elevation_deg[np.isfinite(mine.humerus_elevation_deg)]
-    if not len(elevation) or np.ptp(elevation) < LARGE_MOTION_DEG:
+    if not _arm_moves(mine):
         return None
-    known = {angle: row[np.isfinite(row)] for angle, row in zip(ANGLES, mine.angles_deg.T, strict=True)}
-    still = [f"{a}_deg" for a, row in known.items() if len(row) >= FEWEST_STILL and row.any() and not np.ptp(row)]
+    known = _known_angles(mine, FEWEST_STILL)
+    still = [f"{angle}_deg" for angle, values in known.items() if values.any() and not np.ptp(values)]
     if not still:
         return None
     cause = f"{', '.join(still)} is the same in every posture while the arm moves"
     return cause, "Was a cell copied down? Empty its cells if it was not measured"
+
+
+def _known_angles(mine: Motions, fewest: int) -> dict[str, Float[np.ndarray, " known"]]:
+    """What was measured of each angle of which there are so many values."""
+    known = {angle: values[np.isfinite(values)] for angle, values in zip(ANGLES, mine.angles_deg.T, strict=True)}
+    return {angle: values for angle, values in known.items() if len(values) >= fewest}
+
+
+def _arm_moves(mine: Motions) -> bool:
+    elevation = mine.humerus_elevation_deg[np.isfinite(mine.humerus_elevation_deg)]
+    return bool(len(elevation)) and bool(np.ptp(elevation) >= LARGE_MOTION_DEG)
 
 
 def out_of_line(mine: Motions) -> Doubt | None:
@@ -77,9 +118,8 @@ def out_of_line(mine: Motions) -> Doubt | None:
     return "; ".join(found[:_MOST_SAID]) + more, "Look at its sign and digits, or delete the row"
 
 
-def in_another_frame(mine: Motions) -> Doubt | None:
+def in_another_frame(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
     """Find positions across the bones that the angles turn, on the other side of the thorax, or not about IJ."""
-    places = {name: place.T for name, place in mine.landmarks_mm.items()}
     said = [text for text in (_across(mine, places), _beyond(places), _not_about_origin(places)) if text]
     return (said[0], THORAX_FRAME) if said else None
 

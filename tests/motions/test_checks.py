@@ -233,6 +233,17 @@ def course(**changes: float) -> Motions:
     return Motions(**names, humerus_elevation_deg=ELEVATION, angles_deg=angles, landmarks_mm={}, extra=empty)
 
 
+def with_angle(angle: str, values, rows: int | slice = slice(None)) -> Motions:
+    """``course`` with other values of an angle."""
+    angles = course().angles_deg.copy()
+    angles[rows, ANGLES.index(angle)] = values
+    return replace(course(), angles_deg=angles)
+
+
+def angle_of_course(angle: str) -> np.ndarray:
+    return course().angles_deg[:, ANGLES.index(angle)]
+
+
 def warned(motions: Motions) -> list[str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -250,18 +261,15 @@ def test_a_sign_turned_round_is_named_alone(angle):
 
 
 def test_of_a_scapula_that_hardly_tips_no_more_is_said_than_is_known():
-    angles = course().angles_deg.copy()
-    angles[:, ANGLES.index("scapula_x")] = 4.0 + 0.1 * np.arange(len(angles))
-    (said,) = warned(replace(course(), angles_deg=angles))
+    (said,) = warned(with_angle("scapula_x", 4.0 + 0.1 * np.arange(len(ELEVATION))))
     assert said.endswith("check which angle it is. A scapula that hardly tips looks alike.")
     (said,) = warned(course(scapula_x=-1.0))
     assert "looks alike" not in said
 
 
 def test_no_sign_is_to_be_turned_where_that_mends_nothing():
-    angles = course().angles_deg.copy()
-    angles[:, ANGLES.index("clavicle_y")] += 180.0  # of an axis that points the other way
-    (said,) = [text for text in warned(replace(course(), angles_deg=angles)) if "people:" in text]
+    turned = with_angle("clavicle_y", angle_of_course("clavicle_y") + 180.0)  # of an axis that points the other way
+    (said,) = [text for text in warned(turned) if "people:" in text]
     assert said.endswith(
         "With the other sign clavicle_y_deg is no person's either: check its frame and zero (docs/frames.md)."
     )
@@ -317,13 +325,9 @@ def test_an_elevation_from_overhead_is_no_wrong_sign(overhead):
 
 def test_an_angle_that_is_zero_or_in_radians_throughout_is_named():
     """One that was not measured is empty; what is small in degrees is smaller than the noise of a measurement."""
-    angles = course().angles_deg.copy()
-    angles[:, ANGLES.index("clavicle_x")] = 0.0
-    (said,) = warned(replace(course(), angles_deg=angles))
+    (said,) = warned(with_angle("clavicle_x", 0.0))
     assert "clavicle_x_deg is 0 in every posture. Empty its cells" in said
-    angles = course().angles_deg.copy()
-    angles[:, ANGLES.index("scapula_x")] = np.radians(angles[:, ANGLES.index("scapula_x")])
-    (said,) = warned(replace(course(), angles_deg=angles))
+    (said,) = warned(with_angle("scapula_x", np.radians(angle_of_course("scapula_x"))))
     assert "scapula_x_deg never exceeds 1 while the arm moves: it looks like radians" in said
 
 
@@ -449,13 +453,9 @@ def test_columns_that_are_nearly_positions_are_named():
 
 
 def test_an_angle_that_stands_still_or_a_posture_out_of_line_is_named():
-    angles = course().angles_deg.copy()
-    angles[:, ANGLES.index("clavicle_x")] = 7.3
-    (text,) = warned(replace(course(), angles_deg=angles))
+    (text,) = warned(with_angle("clavicle_x", 7.3))
     assert "clavicle_x_deg is the same in every posture while the arm moves. Was a cell copied down?" in text
-    angles = course().angles_deg.copy()
-    angles[6, ANGLES.index("clavicle_y")] *= -1.0
-    (text,) = warned(replace(course(), angles_deg=angles))
+    (text,) = warned(with_angle("clavicle_y", -angle_of_course("clavicle_y")[6], rows=6))
     assert "clavicle_y_deg is 40 in posture 7 of 'm', -38 before and -42 after it. Look at its sign" in text
 
 

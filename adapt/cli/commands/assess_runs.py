@@ -135,8 +135,8 @@ def compare_muscles(
             with transaction(folder) as part:
                 write_adaptations(part, result)
                 write_muscles(part, found)
-                held: dict[str, object] = {"weight": weight, "body_mass_kg": body_mass_kg, "load_kg": load_kg}
-                write_run(part, "muscles", record, held | {"angles": angles}, table.rejected)
+                options = {"weight": weight, "body_mass_kg": body_mass_kg, "load_kg": load_kg, "angles": angles}
+                write_run(part, "muscles", record, options, table.rejected)
                 wrong = write_report(part, table, sets, result, not_adapted(result), muscles=found)
         print_muscles(console, found)
         say_report(folder, wrong)

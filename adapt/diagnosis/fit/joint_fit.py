@@ -135,11 +135,8 @@ class JointFit:
     def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:
         """Lay out the amplitudes of each group's hypothesis; a group that has fewer than another has some idle ones."""
         places = [self.candidates.where(one) for one in hypotheses]
-        most, group_of_row, (every, strengths) = (
-            max(map(len, places)),
-            self.group[self._parts.part],
-            self.candidates.acting,
-        )
+        most, group_of_row = max(map(len, places)), self.group[self._parts.part]
+        every, strengths = self.candidates.acting
         channels = np.zeros((len(every), most, self.groups), int)
         columns = np.zeros((len(every), most, len(self.rows)))
         scale, mean = np.ones((most, self.groups)), np.zeros((most, self.groups))
