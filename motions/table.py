@@ -38,6 +38,8 @@ LANDMARKS = ("SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
 _SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
 """What a name of a shoulder ends with beyond the person's."""
 
+_LEADING_ZEROS = re.compile(r"(?<![\d.,])0+(?=\d)")
+
 _PER_POSTURE = ("subject", "motion", "posture", "humerus_elevation_deg", "angles_deg")
 """Fields of ``Motions`` with an entry for each posture, but for landmarks and extra columns."""
 
@@ -132,14 +134,16 @@ def check_motions(motions: object) -> None:
 
 
 def warn_of_alike_motions(motions: Motions, file: str) -> None:
-    """Warn of motions or subjects whose names differ in case, blanks or underscores alone: they count as two.
+    """Warn of motions or subjects whose names differ in case, blanks, underscores or leading zeros alone.
 
-    P1_1 and P11 are two subjects: of these, what stands between is no more than another sign.
+    They count as two. A spreadsheet makes 1 of 01. P1_1 and P11 are two subjects: of these, what stands between is no
+    more than another sign.
     """
     for column, what, between in ((motions.motion, "kinds of motion", ""), (motions.subject, "subjects", "_")):
         alike: dict[str, list[str]] = {}
         for name in sorted(set(column.tolist())):
-            alike.setdefault(name.casefold().replace(" ", between).replace("_", between), []).append(name)
+            short = _LEADING_ZEROS.sub("", name.casefold()).replace(" ", between).replace("_", between)
+            alike.setdefault(short, []).append(name)
         for names in alike.values():
             if len(names) > 1:
                 cause = f"{' and '.join(map(repr, names))} count as {len(names)} {what}"

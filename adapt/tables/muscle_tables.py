@@ -36,6 +36,7 @@ from motions.landmarks.humerus_pose import (
     HumerusPose,
     humerus_pose,
     named_pose,
+    warn_of_radians,
 )
 from motions.rotations import DEG
 from motions.table import Motions
@@ -75,8 +76,10 @@ def muscle_tables(
 
     ``motions``: those of the fits, of which the orientation of the humerus is taken; without them, from the names of
     the motions (:mod:`motions.landmarks.humerus_pose`). InputError where a set's scapula is not in the thesis's frame,
-    or where there is no such posture.
+    or where there is no such posture; InputWarning where the columns of the humerus look like radians.
     """
+    if motions is not None:
+        warn_of_radians(motions)
     load = arm_load(body_mass_kg, load_kg)
     pairs = [(model, before_and_after(model, fits, parameters)) for model in models]
     parts = [_of_model(model, pair, _pose_of(pair.rows, motions), load) for model, pair in pairs if len(pair.rows)]

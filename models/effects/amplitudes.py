@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.effects.course import CONSTANT, OverElevation
+from models.effects.measurement.skin_artefact import MeasuredLag
 from models.person.positions.measured_movement import MEASURED, measurable, measured_movement_mm
 from motions.errors import InputError, did_you_mean, warn_input
 from motions.table import Motions
@@ -119,15 +120,24 @@ def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECT
 FAR_CONSTANT, FAR_OVER_ELEVATION = 10.0, 30.0
 """Times its typical size, of what is more likely another unit. An amplitude over elevation is some 3 times the size."""
 
+NEAR_NOTHING = 0.05
+"""Times its typical size in every direction, of what changes nothing that is measured: a share for percent, radians."""
+
 
 def _doubt(effect: Effect, given: Amplitude) -> None:
     """Warn of an amplitude that is far from what is believed of the effect."""
-    over = isinstance(effect.course, OverElevation)
-    if isinstance(given, str) or effect.strength_unit or not (over or effect.course == CONSTANT):
+    over, share = isinstance(effect.course, OverElevation), isinstance(effect.course, MeasuredLag)
+    if isinstance(given, str) or not (over or share or effect.course == CONSTANT):
         return
     if len(mean := _mean(given)) != len(effect.directions):  # of several terms each
         return
-    for direction, value, scale in zip(effect.directions, mean, effect.prior.scale, strict=True):
+    sd = given.sd if isinstance(given, PersonalSize) else (0.0,) * len(mean)
+    scales = (1.0,) * len(mean) if share else effect.prior.scale  # a share of the whole lag
+    largest = max((max(abs(a), s) / scale for a, s, scale in zip(mean, sd, scales, strict=True)), default=0.0)
+    if 0.0 < largest < NEAR_NOTHING:
+        cause = f"{effect.name} of {_vector(mean)}{_unit(effect.name)} is at most {largest:.1%} of its typical size"
+        warn_input(InputError(OPTION, None, cause, "Check its unit (girdle effects)"))
+    for direction, value, scale in zip(effect.directions, mean, scales, strict=True):
         if abs(value) >= (FAR_OVER_ELEVATION if over else FAR_CONSTANT) * scale:
             times = f"{abs(value) / scale:.0f} times its typical size"
             cause = f"{direction} of {effect.name} is {value:g}{_unit(effect.name)}, {times}"

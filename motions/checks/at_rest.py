@@ -10,12 +10,26 @@ from jaxtyping import Float, Int
 from motions.checks.corner import REMEDY as CALL_IT_AA
 from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
-from motions.checks.motion_table import in_another_frame, not_read, out_of_line, stands_still, zero_or_radians
+from motions.checks.motion_table import (
+    angles_of,
+    copied_rows,
+    motions_alike,
+    not_read,
+    nothing_of_bone,
+    out_of_line,
+    stands_still,
+    still_arm,
+    total_of_others,
+    zero_or_radians,
+)
+from motions.checks.positions_and_angles import apart_from_angles, in_another_frame, still_places
 from motions.checks.signs import (
     BACKWARD,
     exchanged,
     likely_convention,
+    protraction_runs_backward,
     runs_backward,
+    turned_in_one_motion,
     wrong_signs,
 )
 from motions.errors import InputError, warn_input
@@ -111,6 +125,19 @@ def doubt_of_rest(
     return InputError(file, None, f"{whose}: {where} {'; '.join(unlike)}", remedy)
 
 
+_OF_TABLE = (
+    zero_or_radians,
+    nothing_of_bone,
+    stands_still,
+    copied_rows,
+    motions_alike,
+    out_of_line,
+    still_arm,
+    total_of_others,
+    turned_in_one_motion,
+)
+"""What is doubtful of the postures of one subject, each a cause and a remedy."""
+
 MOST_NAMED = 10
 """Subjects that are warned of by name."""
 
@@ -121,6 +148,7 @@ class SubjectDoubts:
     def __init__(self) -> None:
         self._seen: set[str] = set()
         self._columns: set[str] = set()
+        self._angles: dict[int, str] = {}
         self._more = 0
         self._named = 0
 
@@ -135,7 +163,12 @@ class SubjectDoubts:
             if subject in self._seen:
                 continue
             self._seen.add(subject)
-            warnings = _doubts(motions.take(mine), subject, files[subject])
+            table = motions.take(mine)
+            warnings = _doubts(table, subject, files[subject])
+            same = None if (key := angles_of(table)) is None else self._angles.setdefault(key, subject)
+            if same not in (None, subject):
+                remedy = "Is one a copy of the other? Two subjects with the same angles count as two people"
+                warnings.append(InputError(files[subject], None, f"{subject} has all angles of {same}", remedy))
             if warnings and self._named >= MOST_NAMED:
                 self._more += 1
             elif warnings:
@@ -170,10 +203,11 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
     positions = {name: place.T for name, place in mine.landmarks_mm.items()}
     wrong = misfit(positions)
-    frame = None if wrong else in_another_frame(mine, positions)
-    for doubt in (zero_or_radians(mine), stands_still(mine), out_of_line(mine), frame):
-        if doubt:
-            found.append(InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]))
+    of_places = (in_another_frame, still_places, apart_from_angles)
+    frame = None if wrong else next(filter(None, (check(mine, positions) for check in of_places)), None)
+    backward = None if signs or exchange else protraction_runs_backward(mine)
+    doubts = (*(check(mine) for check in _OF_TABLE), backward, frame)
+    found += [InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]) for doubt in doubts if doubt]
     if exchange is not None:
         remedy = f"Are the {'two' if len(exchange.columns) == 2 else 'three'} columns exchanged (docs/frames.md)?"
         found.append(InputError(file, None, f"{subject}: {exchange.said}", remedy))

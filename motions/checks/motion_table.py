@@ -1,16 +1,15 @@
-"""What a table of postures shows by itself: cells copied down, a posture out of line, positions in another frame."""
+"""What a table of postures shows by itself: cells or rows copied, radians, a posture out of line, rows of totals."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
-from motions.checks.distances import RANGES
-from motions.checks.misfits import BEYOND_MM, SC_BEYOND_MM, SHOULDER
-from motions.checks.signs import LARGE_MOTION_DEG
-from motions.rotations import rotation_from_cardan
-from motions.table import ANGLES, LANDMARKS, Motions
+from motions.checks.signs import LARGE_MOTION_DEG, LOW_DEG
+from motions.table import ANGLES, BONES, LANDMARKS, Motions
+
+SCAPULA_Z = ANGLES.index("scapula_z")
 
 Doubt = tuple[str, str]
 """Cause and remedy."""
@@ -19,26 +18,37 @@ LARGEST_RADIANS = 1.0
 """No clavicle is elevated or turned, and no scapula tipped, by more. In degrees, an angle that stays below it while the
 arm rises by 60 has less than the noise of a measurement and a tenth of its course in people."""
 
-_SMALL = ("clavicle_z", "clavicle_x", "scapula_x")
-"""Angles that a check of larger values (``motions.motion_csv.unit_and_side``) does not see in radians."""
+_IN_RADIANS = dict.fromkeys(("clavicle_z", "clavicle_x", "scapula_x"), LARGEST_RADIANS) | dict.fromkeys(
+    ("clavicle_y", "scapula_y", "scapula_z"), float(np.pi)
+)
+"""What angles stay within in radians. Of motion files those with the last three are refused
+(``motions.motion_csv.unit_and_side``)."""
 
 _FEWEST_VALUES = 3
 
 FEWEST_STILL = 5
 """Values; fewer may be alike by chance or by hand."""
 
-OUT_OF_LINE_DEG = 45.0
-"""Of a posture from the middle of its neighbours: measured motions have up to 3, simulated ones in steps of 25 degrees
-of the arm up to 25."""
+OUT_OF_LINE_DEG, MOST_OUT_DEG = 20.0, 45.0
+"""Of a posture from the middle of its neighbours, beyond what the elevation changes to a neighbour (no girdle turns
+faster than the arm), and in any case. Measured motions have up to 2, simulated ones none."""
+
+BESIDE_DEG, MOST_BESIDE_DEG = 30.0, 60.0
+"""The same of the first or last posture with the arm low from the one neighbour. Measured: up to 6. With the arm high
+simulated girdles jump by more, to another branch."""
+
+COPIED_ELEVATION_DEG = 5.0
+"""Over which six measured angles are never the same to the last digit."""
+
+BEYOND_ARM_DEG = 25.0
+"""By how much more the scapula turns laterally in a motion than the arm rises. Measured: up to 13, in horizontal
+flexion and axial rotation."""
+
+_TOTALS = frozenset(["mean", "average", "avg", "total", "totals", "sum", "sd", "std", "stdev", "median", "min", "max"])
+"""Names of rows that a spreadsheet computes, in any case of their letters."""
 
 _MOST_SAID = 3
 """Postures in a message."""
-
-ALONG_BONE_DEG, ALONG_BORDER_DEG = 30.0, 45.0
-"""Between a bone by its landmarks and by its angles. Measured: SC to AA and the clavicle 9-13; TS to AI and the
-scapula's y axis are apart by some 15 in every set, and by more with the angles of AA."""
-
-THORAX_FRAME = "Positions are in mm in the thorax frame: origin IJ, x lateral, y up, z backward (docs/frames.md)"
 
 _NEARLY = re.compile(rf"({'|'.join(LANDMARKS)})[ _]?[xyz]([ _]?[(\[]?(mm|cm|m|inch)[)\]]?)?", re.IGNORECASE)
 """A column of a position that is not named ``SC_x_mm``."""
@@ -61,22 +71,20 @@ def zero_or_radians(mine: Motions) -> Doubt | None:
             f"{' and '.join(zero)} is 0 in every posture",
             "Empty its cells if it was not measured: 0 counts as measured",
         )
-    if not _arm_moves(mine):
+    if not arm_moves(mine):
         return None
-    small = [
-        f"{angle}_deg" for angle in _SMALL if angle in known and 0.0 < np.abs(known[angle]).max() <= LARGEST_RADIANS
-    ]
+    most = {angle: float(np.abs(values).max()) for angle, values in known.items()}
+    small = [f"{angle}_deg" for angle in most if 0.0 < most[angle] <= _IN_RADIANS[angle]]
     if not small:
         return None
-    return (
-        f"{' and '.join(small)} never exceeds {LARGEST_RADIANS:g} while the arm moves: it looks like radians",
-        "Give degrees",
-    )
+    limit = max(_IN_RADIANS[name.removesuffix("_deg")] for name in small)
+    cause = f"{' and '.join(small)} never exceeds {limit:.3g} while the arm moves: it looks like radians"
+    return cause, "Give degrees"
 
 
 def stands_still(mine: Motions) -> Doubt | None:
     """Find angles other than 0 that are the same in every posture while the arm moves."""
-    if not _arm_moves(mine):
+    if not arm_moves(mine):
         return None
     known = _known_angles(mine, FEWEST_STILL)
     still = [f"{angle}_deg" for angle, values in known.items() if values.any() and not np.ptp(values)]
@@ -92,69 +100,139 @@ def _known_angles(mine: Motions, fewest: int) -> dict[str, Float[np.ndarray, " k
     return {angle: values for angle, values in known.items() if len(values) >= fewest}
 
 
-def _arm_moves(mine: Motions) -> bool:
+def arm_moves(mine: Motions) -> bool:
+    """Tell whether the elevations of a subject are far apart."""
     elevation = mine.humerus_elevation_deg[np.isfinite(mine.humerus_elevation_deg)]
     return bool(len(elevation)) and bool(np.ptp(elevation) >= LARGE_MOTION_DEG)
 
 
 def out_of_line(mine: Motions) -> Doubt | None:
-    """Find angles far from both neighbours in the motion, which are alike: a sign, a digit, or a marker."""
+    """Find angles far from both neighbours in the motion, which are alike, or, with the arm low at an end, from the
+    one: a sign, a digit, or a marker."""
     found = []
-    for motion in dict.fromkeys(mine.motion.tolist()):
-        rows = np.flatnonzero(mine.motion == motion)
-        rows = rows[np.argsort(mine.posture[rows], kind="stable")]
+    for motion, rows in _in_order(mine):
         if len(rows) < 3:  # none has two neighbours
             continue
-        before, here, after = (mine.angles_deg[rows[k : len(rows) - 2 + k]] for k in range(3))
+        angles, steps = mine.angles_deg[rows], np.abs(np.diff(mine.humerus_elevation_deg[rows]))
+        steps = np.where(np.isnan(steps), np.inf, steps)
+        before, here, after = (angles[k : len(rows) - 2 + k] for k in range(3))
+        most = np.minimum(OUT_OF_LINE_DEG + (steps[1:] + steps[:-1]) / 2.0, MOST_OUT_DEG)
         away, apart = np.abs(here - (before + after) / 2.0), np.abs(after - before) / 2.0
         found += [
             f"{ANGLES[k]}_deg is {here[n, k]:.0f} in posture {mine.posture[rows[n + 1]]} of {motion!r}, "
             f"{before[n, k]:.0f} before and {after[n, k]:.0f} after it"
-            for n, k in np.argwhere((away > OUT_OF_LINE_DEG) & (apart < away / 2.0))
+            for n, k in np.argwhere((away > most[:, None]) & (apart < away / 2.0))
+        ]
+        for end, beside, then, step in ((0, 1, 2, steps[0]), (-1, -2, -3, steps[-1])):
+            if not mine.humerus_elevation_deg[rows[end]] <= LOW_DEG:
+                continue
+            away, apart = np.abs(angles[end] - angles[beside]), np.abs(angles[beside] - angles[then])
+            most_beside = min(BESIDE_DEG + step, MOST_BESIDE_DEG)
+            found += [
+                f"{ANGLES[k]}_deg is {angles[end, k]:.0f} in posture {mine.posture[rows[end]]} of {motion!r}, "
+                f"{angles[beside, k]:.0f} beside it"
+                for k in np.flatnonzero((away > most_beside) & (apart < away / 2.0))
+            ]
+    return (some_of(found), "Look at its sign and digits, or delete the row") if found else None
+
+
+def nothing_of_bone(mine: Motions) -> Doubt | None:
+    """Find postures in which no angle of a bone exceeds pi: zeros, radians, or angles from rest. In every measured and
+    simulated posture one of the clavicle exceeds 9 degrees, and one of the scapula 13."""
+    found = []
+    for bone, part in BONES.items():
+        angles = np.abs(mine.angles_deg[:, part])
+        known = np.isfinite(angles)
+        small = known[:, 0] & (known.sum(axis=1) > 1) & (np.where(known, angles, 0.0).max(axis=1) <= np.pi)
+        found += [f"{posture_of(mine, row)} all angles of the {bone} are within 3.14" for row in np.flatnonzero(small)]
+    if not found:
+        return None
+    return some_of(found), "Give degrees from the thorax, not radians and not from rest; empty what was not measured"
+
+
+def copied_rows(mine: Motions) -> Doubt | None:
+    """Find postures with all angles of the one before although the arm moved, and motions of one posture throughout."""
+    found = []
+    for motion, rows in _in_order(mine):
+        angles, elevation = np.nan_to_num(mine.angles_deg[rows], nan=np.inf), mine.humerus_elevation_deg[rows]
+        same = (angles[1:] == angles[:-1]).all(axis=1)
+        if len(rows) >= _FEWEST_VALUES and same.all():
+            found.append(f"all {len(rows)} postures of {motion!r} are the same")
+            continue
+        moved = np.abs(np.diff(elevation)) >= COPIED_ELEVATION_DEG  # NaN is not
+        moved &= _has_digits(mine.angles_deg[rows[1:]], 0)  # rounded to degrees they may be the same
+        frozen = same & _has_digits(mine.angles_deg[rows[1:]], 2)
+        if frozen.sum() + 1 >= FEWEST_STILL and not (same & moved).any():
+            found.append(f"{frozen.sum()} postures of {motion!r} are the same as the one before")
+        found += [
+            f"{posture_of(mine, row)} all angles are those of the posture before" for row in rows[1:][same & moved]
         ]
     if not found:
         return None
+    return some_of(found), "Were cells copied down, or did the recording stand still? Each row counts as a measurement"
+
+
+def _has_digits(angles_deg: Float[np.ndarray, "n 6"], decimals: int) -> Bool[np.ndarray, " n"]:
+    """Tell where an angle has more decimals than these: a person who stands still then has other ones."""
+    return (np.nan_to_num(np.abs(angles_deg - np.round(angles_deg, decimals))) > _ROUNDING).any(axis=1)
+
+
+_ROUNDING = 1e-9
+"""Degrees: of a decimal number as a float."""
+
+
+def motions_alike(mine: Motions) -> Doubt | None:
+    """Find two motions with the same angles to the last digit: of held-out ones, one then predicts the other."""
+    first: dict[bytes, str] = {}
+    for motion, rows in _in_order(mine):
+        if (
+            len(rows) >= _FEWEST_VALUES
+            and (earlier := first.setdefault(mine.angles_deg[rows].tobytes(), motion)) != motion
+        ):
+            return f"{earlier!r} and {motion!r} have the same angles", "Is one a copy of the other? Delete it"
+    return None
+
+
+def angles_of(mine: Motions) -> int | None:
+    """Give a number that two subjects share who have the same angles to the last digit; None of few postures."""
+    return hash(np.ascontiguousarray(mine.angles_deg).tobytes()) if len(mine.posture) >= FEWEST_STILL else None
+
+
+def still_arm(mine: Motions) -> Doubt | None:
+    """Find motions in which the scapula turns laterally by far more than the arm rises."""
+    for motion, rows in _in_order(mine):
+        turns, rises = (_range(values[rows]) for values in (mine.angles_deg[:, SCAPULA_Z], mine.humerus_elevation_deg))
+        if turns > rises + BEYOND_ARM_DEG:
+            cause = f"in {motion!r} scapula_z_deg changes by {turns:.0f} and humerus_elevation_deg by {rises:.0f}"
+            return cause, "Is that the elevation of the arm in degrees? Empty its cells if it was not measured"
+    return None
+
+
+def total_of_others(mine: Motions) -> Doubt | None:
+    """Find a subject or a motion that is named as a row of totals is."""
+    found = [name for name in (*mine.subjects, *dict.fromkeys(mine.motion.tolist())) if name.lower() in _TOTALS]
+    return (f"{found[0]!r} reads like a row of totals", "Delete it: it counts as measured") if found else None
+
+
+def _in_order(mine: Motions) -> Iterator[tuple[str, Int[np.ndarray, " rows"]]]:
+    """The rows of each motion, in the order of its postures."""
+    for motion in dict.fromkeys(mine.motion.tolist()):
+        rows = np.flatnonzero(mine.motion == motion)
+        yield motion, rows[np.argsort(mine.posture[rows], kind="stable")]
+
+
+def posture_of(mine: Motions, row: int) -> str:
+    """Name a posture."""
+    return f"in posture {mine.posture[row]} of {mine.motion.item(row)!r}"
+
+
+def some_of(found: Sequence[str]) -> str:
+    """List the first of what was found, and the number of the others."""
     more = f"; and {len(found) - _MOST_SAID} more" if len(found) > _MOST_SAID else ""
-    return "; ".join(found[:_MOST_SAID]) + more, "Look at its sign and digits, or delete the row"
+    return "; ".join(found[:_MOST_SAID]) + more
 
 
-def in_another_frame(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
-    """Find positions across the bones that the angles turn, on the other side of the thorax, or not about IJ."""
-    said = [text for text in (_across(mine, places), _beyond(places), _not_about_origin(places)) if text]
-    return (said[0], THORAX_FRAME) if said else None
-
-
-def _beyond(places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
-    for name in SHOULDER:
-        x = places[name][0][np.isfinite(places[name][0])] if name in places else np.empty(0)
-        if len(x) and np.median(x) < -(SC_BEYOND_MM if name == "SC" else BEYOND_MM):
-            return f"{name} is at x = {np.median(x):.0f} mm, on the other side of the thorax"
-    return ""
-
-
-def _not_about_origin(places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
-    """SC from IJ, which is the origin."""
-    mm = np.linalg.norm(places["SC"], axis=0) if "SC" in places else np.empty(0)
-    mm, usual = mm[np.isfinite(mm)], RANGES["SC", "IJ"]
-    if not len(mm) or usual.low_mm <= np.median(mm) <= usual.high_mm:
-        return ""
-    return f"SC is {np.median(mm):.3g} mm from IJ, in people {usual.low_mm:.0f} to {usual.high_mm:.0f}"
-
-
-def _across(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
-    """The first bone whose landmarks lie across it."""
-    angles = np.radians(mine.angles_deg.T)
-    clavicle = rotation_from_cardan(np.stack([*angles[:2], np.zeros_like(angles[0])]))  # its axis does not turn it
-    scapula = rotation_from_cardan(angles[3:])
-    for begin, end, bone, axis, most in (
-        *(("SC", end, "clavicle", clavicle[:, 0], ALONG_BONE_DEG) for end in ("AC", "AA")),
-        *(("TS", end, "scapula", scapula[:, 0], ALONG_BONE_DEG) for end in ("AC", "AA")),
-        ("TS", "AI", "scapula", -scapula[:, 1], ALONG_BORDER_DEG),
-    ):
-        if begin in places and end in places:
-            way = places[end] - places[begin]
-            along = np.sum(way * axis, axis=0) / np.maximum(np.linalg.norm(way, axis=0), 1.0)
-            known = along[np.isfinite(along)]
-            if len(known) and (away := np.degrees(np.arccos(np.clip(np.median(known), -1.0, 1.0)))) > most:
-                return f"the line from {begin} to {end} is {away:.0f} degrees away from where the angles put the {bone}"
-    return ""
+def _range(values: Float[np.ndarray, " n"]) -> float:
+    """From the least to the largest; NaN with fewer than three known."""
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if len(known) >= _FEWEST_VALUES else np.nan

@@ -136,6 +136,13 @@ class Exchanged:
         return f"in people {', '.join(f'{angle}_deg is as {column}_deg here' for column, angle in pairs)}"
 
 
+_ELEVATIONS = Exchanged(("clavicle_z", "scapula_z"), ("scapula_z", "clavicle_z"))
+
+BEYOND_SCAPULA_DEG = 8.0
+"""Of elevation over 60 degrees of the arm by which the clavicle has more than the scapula, which it carries. Measured
+scapulae turn laterally by 4 more and over, those of simulated girdles by 7 less at most."""
+
+
 def exchanged(motions: Motions, signs: Sequence[WrongSign]) -> Exchanged | None:
     """Find two or three angles of one bone whose columns are likely exchanged, by what people have at rest and over a
     course. ``signs``: they have to be likelier than the columns as they are with these turned round."""
@@ -151,7 +158,7 @@ def exchanged(motions: Motions, signs: Sequence[WrongSign]) -> Exchanged | None:
             found[order] = float((mine - other)[known].sum()) + SIGN_COST * float((turned[moved] < 0.0).sum())
     best = max(found, key=lambda one: found[one], default=None)
     if best is None or found[best] <= EXCHANGED:
-        return None
+        return _ELEVATIONS if (turned * course)[1] - (turned * course)[4] > BEYOND_SCAPULA_DEG else None
     moved = [k for k in range(6) if best[k] != k]
     return Exchanged(tuple(ANGLES[best[k]] for k in moved), tuple(ANGLES[k] for k in moved))
 
@@ -199,6 +206,51 @@ def wrong_signs(motions: Motions) -> list[WrongSign]:
         WrongSign(name, _said(name, USUAL[name], rest[k], course[k]), float(log_odds[k]), bool(far[k]))
         for k, name in ((k, ANGLES[k]) for k in wrong)
     ]
+
+
+TURNED_LOG_ODDS = 3.0
+"""20 to 1 for the sign in one motion, and against it in another. Measured motions have 0 and more."""
+
+
+def turned_in_one_motion(motions: Motions) -> tuple[str, str] | None:
+    """Find an angle that has its sign in one large motion, and the other in another: each motion begins at rest."""
+    courses, starts, large = _lines(motions)
+    by_rest, by_course = 2.0 * starts * _REST / _REST_SD**2, 2.0 * courses * _COURSE / _COURSE_SD**2
+    log_odds = np.where(large, np.nan_to_num(by_rest) + np.nan_to_num(by_course), 0.0)
+    least, best = log_odds.argmin(axis=0), log_odds.max(axis=0)
+    found = np.flatnonzero((log_odds.min(axis=0) < -TURNED_LOG_ODDS) & (best > TURNED_LOG_ODDS))
+    if not len(found):
+        return None
+    names = list(dict.fromkeys(motions.motion.tolist()))
+    said = [f"{ANGLES[k]}_deg has another sign in {names[least[k]]!r} than in the other motions" for k in found]
+    return "; ".join(said), "Is that motion of the other side, or are signs turned round in it (docs/frames.md)?"
+
+
+HELD_ARM_DEG = 20.0
+"""Of elevation within a motion, such as horizontal flexion or axial rotation of the arm, in which no rhythm turns the
+scapula."""
+
+LEAST_PROTRACTION_DEG2, BACKWARD_SLOPE = 60.0, -0.4
+"""Sum of squares of the clavicle's protraction about its mean in such motions, above that of noise of 1.5 degrees in 20
+postures, and the slope of the scapula's over it below which it runs backward. Measured: 0.9 to 1.8 above that sum, 0.1
+to 1.3 below it."""
+
+
+def protraction_runs_backward(motions: Motions) -> tuple[str, str] | None:
+    """Find a scapula that turns inward while the clavicle carries it forward, round the thorax, and the arm is held."""
+    squares = products = 0.0
+    for motion in dict.fromkeys(motions.motion.tolist()):
+        rows = motions.motion == motion
+        x, y, elevation = motions.angles_deg[rows, 0], motions.angles_deg[rows, 3], motions.humerus_elevation_deg[rows]
+        known = np.isfinite(x + y + elevation)
+        if known.any() and np.ptp(elevation[known]) <= HELD_ARM_DEG:
+            x = x[known] - x[known].mean()
+            squares, products = squares + float(x @ x), products + float(x @ y[known])
+    if squares < LEAST_PROTRACTION_DEG2 or products > BACKWARD_SLOPE * squares:
+        return None
+    slope = f"{products / squares:.1f} degrees a degree of clavicle_y_deg"
+    remedy = "In people both grow: is scapula_y_deg 90 degrees minus the angle, or its sign another (docs/frames.md)?"
+    return f"scapula_y_deg changes by {slope} while the arm is held", remedy
 
 
 def _rest_and_course(motions: Motions) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:

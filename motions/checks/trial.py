@@ -7,10 +7,10 @@ from jaxtyping import Float, Int
 
 from motions.checks.corner import REMEDY as CALL_IT_AA
 from motions.checks.corner import looks_like_corner
-from motions.checks.distances import MIDDLE
+from motions.checks.distances import MIDDLE, distances_mm
 from motions.checks.misfits import misfit
 from motions.checks.never_seen import Positions, never_seen
-from motions.checks.outliers import find_outliers, runs
+from motions.checks.outliers import RIGID, find_outliers, runs
 from motions.checks.rigidity import check_rigidity
 from motions.errors import InputError, warn_input
 
@@ -41,6 +41,9 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
     _check_swap(found, whose, file)
     _leave_outliers(found, whose, file)
     _leave_misfits(found, whose, file)
+    if loose := _loose(found):
+        remedy = "Is its marker on another segment, or are its rows those of another time? It is used as it is"
+        warn_input(InputError(file, None, f"{whose}: {loose}", remedy))
     if corner := looks_like_corner(found):
         warn_input(InputError(file, None, f"{whose}: {corner}", CALL_IT_AA))
     if middle:
@@ -127,6 +130,33 @@ def _leave_misfits(found: Positions, whose: str, file: str) -> None:
         _leave_whole(found, wrong.landmarks, f"{whose}: {cause}", remedy, file)
 
 
+LOOSE_MM = 50.0
+"""Over which no distance between landmarks of a bone changes: skin slides by up to 40 (assumed), a spine that bends
+moves C7 and T8 by less."""
+
+
+def _loose(found: Positions) -> str:
+    """Say which landmark goes against its bone, slowly, so that no frame is an outlier."""
+    pairs = [pair for pair in RIGID if set(pair) <= found.keys()]
+    if not pairs or next(iter(found.values())).shape[1] < FEWEST_LOOSE:
+        return ""
+    changes: dict[str, list[tuple[float, str]]] = {}
+    for (a, b), row in zip(pairs, distances_mm(found, pairs), strict=True):
+        if (known := row[np.isfinite(row)]).size >= FEWEST_LOOSE:
+            low, high = np.percentile(known, [5.0, 95.0])
+            for name, other in ((a, b), (b, a)):
+                changes.setdefault(name, []).append((float(high - low), other))
+    name = max(changes, key=lambda one: sum(mm for mm, _ in changes[one]), default="")
+    mm, other = max(changes[name]) if name else (0.0, "")
+    return (
+        f"the distance from {name} to {other} changes by {mm:.0f} mm, in a bone by skin alone" if mm > LOOSE_MM else ""
+    )
+
+
+FEWEST_LOOSE = 10
+"""Frames, of which one alone does not make a range."""
+
+
 def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str, file: str) -> None:
     """Leave out landmarks that are nowhere right, with a warning. InputError if one of them is needed."""
     names = tuple(names)
@@ -136,6 +166,24 @@ def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str
     for name in names:
         del found[name]
     warn_input(InputError(file, None, f"{cause}. {'It is' if len(names) == 1 else 'They are'} left out", remedy))
+
+
+LEAST_TURNED_DEG = 60.0
+"""Between an axis of the thorax and the one of the global frame that has its name. A trunk leans by 10 to 20 and may be
+turned by some 30; where the wrong axis of the file stands in a mapping, two of them are about 90 or 180."""
+
+
+def against_global(thorax_deg: Float[np.ndarray, "frames 3"]) -> tuple[str, str] | None:
+    """Find a thorax that does not stand upright and face forward in the global frame (``frames.thorax_angles``)."""
+    x, y, z = np.radians(thorax_deg[np.isfinite(thorax_deg).all(axis=1)].T)
+    along = (np.cos(y) * np.cos(z), np.cos(x) * np.cos(z) - np.sin(x) * np.sin(y) * np.sin(z), np.cos(x) * np.cos(y))
+    away = np.degrees(np.arccos(np.clip([np.median(one) for one in along], -1.0, 1.0))) if x.size else np.zeros(3)
+    off = np.flatnonzero(away > LEAST_TURNED_DEG)
+    if not off.size:
+        return None
+    said = " and ".join(f"{('right', 'up', 'back')[k]} by {away[k]:.0f}" for k in off)
+    cause = f"against the global frame of the mapping the thorax is turned: its {said} degrees"
+    return cause, "global names the axes of the file that point right, up and backward of the person: name others"
 
 
 def frames_of(frames: Int[np.ndarray, " frames"]) -> str:

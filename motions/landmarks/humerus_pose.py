@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from motions.errors import InputError
+from motions.errors import InputError, warn_input
 from motions.landmarks.frames import humerus_angles, humerus_frame
 from motions.motion_csv.cells import LARGEST_ANGLE_DEG, NOT_MEASURED, to_number
 from motions.rotations import DEG
@@ -35,6 +35,9 @@ PLANES_DEG = {"scap": 30.0, "abduct": 0.0, "front": 0.0, "flex": 90.0, "sagit": 
 frontal plane."""
 
 _ASSUMED_DEG = PLANES_DEG["scap"]
+
+_FEWEST_VALUES = 3
+"""Fewer may all be small by chance."""
 
 LANDMARKS, COLUMNS, MOTION, ASSUMED = "landmarks", "columns", "motion", "assumed"
 
@@ -57,6 +60,21 @@ def humerus_pose(motions: Motions) -> HumerusPose:
     return _where(pose, _by_landmarks(motions), LANDMARKS)
 
 
+def warn_of_radians(motions: Motions) -> None:
+    """Warn where PLANE stays within pi, though the name of the motion says another plane, or AXIAL does so too."""
+    plane, axial = (_numbers(motions, name) for name in (PLANE, AXIAL))
+    others = np.array([(plane_of_name(name) or 0.0) > 0.0 for name in motions.motion.tolist()])
+    for subject, rows in zip(motions.subjects, motions.rows_by_subject(), strict=True):
+        if _within_pi(plane[rows][others[rows]]) or (_within_pi(plane[rows]) and _within_pi(axial[rows])):
+            cause = f"{subject}: {PLANE} never exceeds 3.14, so it looks like radians"
+            warn_input(InputError("the motions", None, cause, f"Give {PLANE} and {AXIAL} in degrees"))
+
+
+def _within_pi(values: Float[np.ndarray, " n"]) -> bool:
+    known = np.abs(values[np.isfinite(values)])
+    return len(known) >= _FEWEST_VALUES and 0.0 < known.max() <= np.pi
+
+
 def named_pose(
     names: Sequence[str],
     elevation_deg: Float[np.ndarray, " postures"],
@@ -75,8 +93,14 @@ def _named(name: str, angle_deg: float) -> tuple[float, float, str]:
         return angle_deg, 0.0, MOTION
     if "axial" in name and np.isfinite(angle_deg):
         return 0.0, angle_deg, MOTION
-    planes = [plane for part, plane in PLANES_DEG.items() if part in name and "horizontal" not in name]
-    return (planes[0], 0.0, MOTION) if planes else (_ASSUMED_DEG, 0.0, ASSUMED)
+    plane = plane_of_name(name)
+    return (_ASSUMED_DEG, 0.0, ASSUMED) if plane is None else (plane, 0.0, MOTION)
+
+
+def plane_of_name(name: str) -> float | None:
+    """Give the plane of elevation that the name of a motion says; None where it says none."""
+    name = name.lower()
+    return next((plane for part, plane in PLANES_DEG.items() if part in name and "horizontal" not in name), None)
 
 
 def _by_columns(motions: Motions) -> Float[np.ndarray, " 3 postures"]:

@@ -9,7 +9,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from motions.checks.at_rest import HIGHEST_REST_DEG, Rest, doubt_of_rest, likely_swap, lowest_frames, unlike_rest
-from motions.checks.trial import slipped, sound_landmarks, without_slips
+from motions.checks.trial import against_global, slipped, sound_landmarks, without_slips
 from motions.errors import InputError, warn_input
 from motions.landmarks.acromion import AcromionRotation
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
@@ -133,6 +133,8 @@ def postures_from_landmarks(
     frames = _frames(sound_mm, labels, file)
     rest = lowest_frames(frames.angles_deg, frames.humerus_deg[:, 1])
     _check_rest(sound_mm, frames, rest, labels, file)
+    if turned := against_global(frames.thorax_deg):
+        warn_input(InputError(file, None, f"{labels.subject}, {labels.motion}: {turned[0]}", turned[1]))
     angles_deg, begins_deg = frames.angles_deg.copy(), _axial_at_rest_deg(frames, rest, labels, file)
     angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, rest.angles_deg, begins_deg)
     frames = replace(frames, angles_deg=angles_deg)

@@ -54,17 +54,20 @@ def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
 
 def angle_in_radians(postures: Sequence[Posture]) -> Finding | None:
-    """Find one angle in radians that in every published motion goes beyond 30 degrees: none of its values is above pi.
+    """Find one angle in radians that in every published motion goes beyond 30 degrees: in one motion none of its values
+    is above pi.
 
     The other angles of a person may be as small, and so may the scapula's z if the arm hardly moves.
     """
-    elevations = _measured(posture.humerus_elevation_deg for posture in postures)
-    moves = max(elevations) - min(elevations) if elevations else 0.0
-    for angle in ("clavicle_y", "scapula_y", *(("scapula_z",) if moves > LARGE_MOTION_DEG else ())):
-        values = _measured_deg(postures, angle)
-        if len(values) >= LEAST_VALUES and max(map(abs, values)) <= np.pi:
-            cause = f"{angle}_deg never exceeds 3.14, so it looks like radians"
-            return Finding(cause, "Give it in degrees, or leave its cells empty")
+    for motion in dict.fromkeys(posture.motion for posture in postures):
+        mine = [posture for posture in postures if posture.motion == motion]
+        elevations = _measured(posture.humerus_elevation_deg for posture in mine)
+        moves = max(elevations) - min(elevations) if elevations else 0.0
+        for angle in ("clavicle_y", "scapula_y", *(("scapula_z",) if moves > LARGE_MOTION_DEG else ())):
+            values = _measured_deg(mine, angle)
+            if len(values) >= LEAST_VALUES and max(map(abs, values)) <= np.pi:
+                cause = f"{angle}_deg never exceeds 3.14 in motion {motion!r}, so it looks like radians"
+                return Finding(cause, "Give it in degrees, or leave its cells empty")
     return None
 
 

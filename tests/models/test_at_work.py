@@ -272,12 +272,20 @@ def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
         ("conoid_strain=100", "length of conoid_strain is 100 mm, 125 times its typical size"),
         ("thorax_shape=-3", "exponent of thorax_shape is -3, 10 times its typical size"),
         ("sc_offset=0,150,0~1,1,1", "y of sc_offset is 150 mm, 15 times its typical size"),
+        ("scapula_size=0.08", "scapula_size of 0.08 % is at most 1.0% of its typical size. Check its unit"),
+        ("thorax_tilt=0.1,0,0~0.01,0,0", "thorax_tilt of (0.1, 0, 0) deg is at most 1.7% of its typical size"),
+        ("skin_artefact=100", "share of skin_artefact is 100 of the measured lag, 100 times its typical size"),
     ],
 )
 def test_an_amplitude_far_beyond_its_typical_size_is_named(word, said):
     with pytest.warns(InputWarning, match=re.escape(said)):
         read_amplitudes([word])
     assert described({}) == ""
+
+
+def test_an_amplitude_that_may_be_small_or_has_a_spread_is_not_doubted():
+    for word in ("scapula_size=0.5", "scapula_size=0~8", "conoid_strain=0.3", "thorax_tilt=0,0,1", "skin_artefact=1"):
+        read_amplitudes([word])  # a warning would be an error
 
 
 @pytest.mark.parametrize(

@@ -164,6 +164,15 @@ def test_skin_that_moves_slowly_is_no_outlier(lab):
     assert not find_outliers(lab | {"AI": lab["AI"] + bump * along})
 
 
+@pytest.mark.parametrize("name", ["IJ", "C7", "T8", "SC", "AC", "TS", "AI", "GH"])
+def test_a_landmark_whose_frames_are_those_of_another_time_is_named(lab, name):
+    """It goes slowly, so that no frame is an outlier; in a trunk that hardly sways it would not be wrong."""
+    far = {other: xyz + 60.0 * np.linspace(-1.0, 1.0, FRAMES) for other, xyz in lab.items()}
+    said, found = said_of(far | {name: far[name][:, ::-1]})
+    assert any(f"the distance from {name} to" in text and "Is its marker on another segment" in text for text in said)
+    assert set(found) == set(lab)
+
+
 def test_a_landmark_of_the_other_shoulder_is_refused(lab):
     with pytest.raises(InputError, match=r"TS cannot be right: TS is \d+ mm from AC, in people 80 to 170"):
         sound_landmarks(changed(lab, "TS", ALL, lab["TS"] - np.array([[120.0], [0.0], [0.0]])), "P, m", "t.trc")
@@ -332,7 +341,11 @@ def test_an_angle_that_is_zero_or_in_radians_throughout_is_named():
 
 
 def test_of_many_subjects_the_first_are_named_and_the_others_counted():
-    parts = [replace(course(scapula_z=-1.0), subject=np.array([f"P{k}"] * 12)) for k in range(MOST_NAMED + 3)]
+    turned = course(scapula_z=-1.0)
+    parts = [
+        replace(turned, subject=np.array([f"P{k}"] * 12), angles_deg=turned.angles_deg + 0.01 * k)
+        for k in range(MOST_NAMED + 3)
+    ]
     said = warned(Motions.concatenate(parts))
     assert len(said) == MOST_NAMED + 1
     assert "3 more subjects are like this" in said[-1]
@@ -411,7 +424,7 @@ def test_reading_says_it_once_for_the_api_and_the_commands(tmp_path):
 
 
 def test_positions_in_a_motion_file_are_a_persons_too(tmp_path):
-    girdle_mm = {name: np.tile(DISSECTION[name], (12, 1)) for name in ("SC", "AC", "TS", "AI")}
+    girdle_mm = placed(course())
     write_motions(replace(course(), landmarks_mm=girdle_mm), tmp_path / "m.csv")
     read_motions(tmp_path / "m.csv")  # SC is still in the thorax frame, and a warning would be an error
     wrong = girdle_mm | {"TS": girdle_mm["TS"] - np.array([150.0, 0.0, 0.0])}

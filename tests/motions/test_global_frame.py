@@ -114,3 +114,16 @@ def test_axes_that_are_no_frame_are_refused(tmp_path, line, cause):
     (tmp_path / "lab.toml").write_text(f"{line}\n")
     ended = girdle("convert", path, tmp_path / "m.csv", "--map", tmp_path / "lab.toml")
     refused(ended, str(tmp_path / "lab.toml"), cause, "right, up and backward")
+
+
+@pytest.mark.parametrize("axes", [["-x", "z", "y"], ["x", "y", "z"], ["-y", "z", "-x"]], ids=["back", "up", "side"])
+def test_a_person_who_does_not_stand_in_the_global_frame_is_named(tmp_path, axes):
+    path, _ = laboratory(tmp_path)
+    (tmp_path / "lab.toml").write_text(f'unit = "mm"\nglobal = {axes}\n')
+    ended = girdle("convert", path, tmp_path / "m.csv", "--map", tmp_path / "lab.toml")
+    assert "against the global frame of the mapping the thorax is turned" in ended.err
+    R_global_lab = np.array([np.eye(3)["xyz".index(one[-1])] * (-1.0 if one[0] == "-" else 1.0) for one in axes])
+    away = np.degrees(np.arccos(np.diag(R_global_lab @ R_LAB_GLOBAL @ R_GLOBAL_THORAX)))
+    for word, angle in zip(("right", "up", "back"), away, strict=True):
+        assert (f"{word} by {angle:.0f}" in ended.err) == (angle > 60.0)
+    assert "global names the axes of the file that point right, up and backward of the person" in ended.err

@@ -8,8 +8,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from motions import InputError, Motions
+from motions.errors import InputWarning
 from motions.landmarks.frames import humerus_angles, humerus_rotation
-from motions.landmarks.humerus_pose import ASSUMED, AXIAL, COLUMNS, LANDMARKS, MOTION, MOTION_ANGLE, PLANE, humerus_pose
+from motions.landmarks.humerus_pose import (
+    ASSUMED,
+    AXIAL,
+    COLUMNS,
+    LANDMARKS,
+    MOTION,
+    MOTION_ANGLE,
+    PLANE,
+    humerus_pose,
+    warn_of_radians,
+)
 from motions.rotations import DEG
 
 NAMES = ["abduction", "forward_flexion", "scapular_elevation", "horizontal_flexion", "axial_rotation", "reaching"]
@@ -92,3 +103,35 @@ def test_a_cell_that_is_no_number_is_refused_by_name():
 def test_without_an_elevation_there_is_no_pose():
     unknown = replace(motions(), humerus_elevation_deg=np.array([40.0, np.nan, 40.0, 40.0, 40.0, 40.0]))
     assert np.isnan(humerus_pose(unknown).angles[1]).tolist() == [False, True, False, False, False, False]
+
+
+def raised(name: str, plane: list[str], axial: list[str] | None = None) -> Motions:
+    """Postures of one motion."""
+    rows = motions({PLANE: [*plane, "", "", ""], AXIAL: [*(axial or ["-20"] * 3), "", "", ""]})
+    return replace(rows, motion=np.array([name] * len(NAMES)))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        raised("forward_flexion", ["1.57", "1.55", "1.6"]),
+        raised("reaching", ["0.5", "0.6", "0.7"], ["-0.3", "-0.4", "-0.6"]),
+    ],
+)
+def test_a_plane_in_radians_is_named(wrong):
+    with pytest.warns(InputWarning, match="one: humerus_plane_deg never exceeds 3.14, so it looks like radians"):
+        warn_of_radians(wrong)
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        raised("abduction", ["0", "0.5", "-1"]),
+        raised("forward_flexion", ["0", "0", "0"]),
+        raised("forward_flexion", ["88", "90", "3"]),
+        raised("reaching", ["0.5", "1.6", "0.7"]),
+        motions(),
+    ],
+)
+def test_a_plane_near_the_frontal_one_is_not_doubted(right):
+    warn_of_radians(right)  # a warning would be an error

@@ -30,6 +30,7 @@ def peak_bytes(path: Path) -> int:
         tracemalloc.stop()
 
 
+@pytest.mark.filterwarnings("ignore::motions.errors.InputWarning")
 @pytest.mark.parametrize("takes_turns", [False, True])
 def test_a_row_takes_little_memory_whether_or_not_subjects_take_turns(tmp_path, takes_turns):
     few, more = (peak_bytes(many(tmp_path, copies, takes_turns)) for copies in (5, 25))

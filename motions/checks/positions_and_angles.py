@@ -1,0 +1,145 @@
+"""Positions of landmarks against the angles beside them: another frame, other rows, exchanged columns."""
+
+import numpy as np
+from jaxtyping import Float
+
+from motions.checks.distances import RANGES
+from motions.checks.misfits import BEYOND_MM, SC_BEYOND_MM, SHOULDER
+from motions.checks.motion_table import FEWEST_STILL, Doubt, arm_moves, posture_of, some_of
+from motions.checks.rigidity import SCAPULA
+from motions.rotations import rotation_from_cardan
+from motions.table import BONES, Motions
+
+ALONG_BONE_DEG, ALONG_BORDER_DEG = 30.0, 45.0
+"""Between a bone by its landmarks and by its angles. Measured: SC to AA and the clavicle 9-13; TS to AI and the
+scapula's y axis are apart by some 15 in every set, and by more with the angles of AA."""
+
+THORAX_FRAME = "Positions are in mm in the thorax frame: origin IJ, x lateral, y up, z backward (docs/frames.md)"
+
+
+def in_another_frame(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
+    """Find positions across the bones that the angles turn, on the other side of the thorax, or not about IJ."""
+    if likelier := _likelier(mine, places):
+        return likelier
+    said = [text for text in (_across(mine, places), _beyond(places), _not_about_origin(places)) if text]
+    return (said[0], THORAX_FRAME) if said else None
+
+
+def _beyond(places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
+    for name in SHOULDER:
+        x = places[name][0][np.isfinite(places[name][0])] if name in places else np.empty(0)
+        if len(x) and np.median(x) < -(SC_BEYOND_MM if name == "SC" else BEYOND_MM):
+            return f"{name} is at x = {np.median(x):.0f} mm, on the other side of the thorax"
+    return ""
+
+
+def _not_about_origin(places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
+    """SC from IJ, which is the origin."""
+    mm = np.linalg.norm(places["SC"], axis=0) if "SC" in places else np.empty(0)
+    mm, usual = mm[np.isfinite(mm)], RANGES["SC", "IJ"]
+    if not len(mm) or usual.low_mm <= np.median(mm) <= usual.high_mm:
+        return ""
+    return f"SC is {np.median(mm):.3g} mm from IJ, in people {usual.low_mm:.0f} to {usual.high_mm:.0f}"
+
+
+LIKELIER_FROM_DEG = 8.0
+"""Between a bone by landmarks on its axis and by its angles, from which other columns are likelier that leave less than
+it, and less than half of what there is. By definition both are the same."""
+
+
+def _likelier(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
+    """Find columns that are exchanged, or 90 degrees minus the angle, by the line from SC or TS to AC."""
+    for begin, bone in (("SC", "clavicle"), ("TS", "scapula")):
+        if not {begin, "AC"} <= places.keys():
+            continue
+        y, z, x = mine.angles_deg.T[BONES[bone]]
+        way = places["AC"] - places[begin]
+        is_away, by_x, by_90 = (_away_deg(way, _x_axis(*one)) for one in ((y, z), (y, x), (90.0 - y, z)))
+        for away, what in ((by_x, f"{bone}_z_deg and {bone}_x_deg exchanged"), (by_90, f"90 minus {bone}_y_deg")):
+            if is_away > LIKELIER_FROM_DEG and away < min(is_away / 2.0, LIKELIER_FROM_DEG):
+                line = f"the line from {begin} to AC is {is_away:.0f} degrees away from the {bone} by its angles"
+                remedy = "Are the columns what their names say (docs/frames.md), and AC not AA?"
+                return f"{line}, and {away:.0f} with {what}", remedy
+    return None
+
+
+def _across(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
+    """The first bone whose landmarks lie across it."""
+    clavicle, scapula = _x_axis(*mine.angles_deg.T[:2]), rotation_from_cardan(np.radians(mine.angles_deg.T[3:]))
+    for begin, end, bone, axis, most in (
+        *(("SC", end, "clavicle", clavicle, ALONG_BONE_DEG) for end in ("AC", "AA")),
+        *(("TS", end, "scapula", scapula[:, 0], ALONG_BONE_DEG) for end in ("AC", "AA")),
+        ("TS", "AI", "scapula", -scapula[:, 1], ALONG_BORDER_DEG),
+    ):
+        if begin in places and end in places and (away := _away_deg(places[end] - places[begin], axis)) > most:
+            return f"the line from {begin} to {end} is {away:.0f} degrees away from where the angles put the {bone}"
+    return ""
+
+
+def _x_axis(y_deg: Float[np.ndarray, " n"], z_deg: Float[np.ndarray, " n"]) -> Float[np.ndarray, "3 n"]:
+    """The x axis of a bone: its third angle does not turn it."""
+    return rotation_from_cardan(np.radians(np.stack([y_deg, z_deg, np.zeros_like(y_deg)])))[:, 0]
+
+
+def _away_deg(way: Float[np.ndarray, "3 n"], axis: Float[np.ndarray, "3 n"]) -> float:
+    """The angle between lines and unit vectors, of the median of its cosine; NaN where none is known."""
+    along = np.sum(way * axis, axis=0) / np.maximum(np.linalg.norm(way, axis=0), 1.0)
+    known = along[np.isfinite(along)]
+    return float(np.degrees(np.arccos(np.clip(np.median(known), -1.0, 1.0)))) if len(known) else np.nan
+
+
+APART_MM, MOST_APART_MM, TIMES_MEDIAN = 12.0, 30.0, 5.0
+"""How far a landmark may be from where rigid bones at the measured angles put it: times the median of the file, at
+least and at most. Measured by pins: 6 at most, with medians of 1 to 2. Palpation with 5 mm a coordinate gives up to 29.
+"""
+
+_FEWEST_POSTURES = 8
+"""Of three coordinates each, for the six constants of a landmark in both bones."""
+
+_MOST_OFF = 8
+"""Of so many postures one may be off by itself."""
+
+
+def still_places(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
+    """Find landmarks of the scapula that are at one place while its angles change."""
+    known = {name: xyz[:, np.isfinite(xyz).all(axis=0)] for name, xyz in places.items() if name in SCAPULA}
+    still = [name for name, xyz in known.items() if xyz.shape[1] >= FEWEST_STILL and not np.ptp(xyz, axis=1).any()]
+    if not still or not arm_moves(mine):
+        return None
+    cause = f"{' and '.join(still)} is at one place in every posture while the arm moves"
+    return cause, "Were cells copied down? Empty them if it was not measured"
+
+
+def apart_from_angles(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
+    """Find positions that no rigid bones at the angles beside them have.
+
+    With R_C and R_S of the angles and c, s constant in clavicle and scapula, a landmark of the scapula is at
+    SC + R_C c + R_S s in every posture. Least squares give c and s; the posture that is farthest off is left out, up to
+    one of eight. Where more are off, the rows do not belong together.
+    """
+    R = [rotation_from_cardan(np.radians(mine.angles_deg.T[part])) for part in BONES.values()]
+    bones = np.concatenate(R, axis=1).transpose(2, 0, 1)
+    for name in ("AC", "AA", "TS", "AI") if "SC" in places else ():
+        way = (places[name] - places["SC"]).T if name in places else np.full((1, 3), np.nan)
+        known = np.flatnonzero(np.isfinite(way).all(axis=1) & np.isfinite(bones).all(axis=(1, 2)))
+        if len(known) < _FEWEST_POSTURES:
+            continue
+        kept, off, mm = known, [], _apart_mm(way[known], bones[known])
+        most = min(max(APART_MM, TIMES_MEDIAN * float(np.median(mm))), MOST_APART_MM)
+        while mm.max() > most and len(off) < len(known) // _MOST_OFF:
+            off.append((int(kept[mm.argmax()]), float(mm.max())))
+            kept = np.delete(kept, mm.argmax())
+            mm = _apart_mm(way[kept], bones[kept])
+        if off and mm.max() > most:
+            cause = f"{name} and SC are up to {off[0][1]:.0f} mm from where the angles of their rows put them"
+            return cause, "Are the rows of positions in another order, or of another trial?"
+        if off:
+            said = [f"{posture_of(mine, row)} {name} or SC is {one:.0f} mm off the angles" for row, one in sorted(off)]
+            return some_of(said), "Empty the positions there, or look at the angles"
+    return None
+
+
+def _apart_mm(way: Float[np.ndarray, "n 3"], bones: Float[np.ndarray, "n 3 6"]) -> Float[np.ndarray, " n"]:
+    """How far the ways are from bones c, with c of least squares."""
+    c = np.linalg.lstsq(bones.reshape(-1, 6), way.reshape(-1), rcond=None)[0]
+    return np.linalg.norm(way - bones @ c, axis=1)
