@@ -203,8 +203,8 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
     positions = {name: place.T for name, place in mine.landmarks_mm.items()}
     wrong = misfit(positions)
-    of_places = (in_another_frame, still_places, apart_from_angles)
-    frame = None if wrong else next(filter(None, (check(mine, positions) for check in of_places)), None)
+    of_places = () if wrong or not positions else (in_another_frame, still_places, apart_from_angles)
+    frame = next(filter(None, (check(mine, positions) for check in of_places)), None)
     backward = None if signs or exchange else protraction_runs_backward(mine)
     doubts = (*(check(mine) for check in _OF_TABLE), backward, frame)
     found += [InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]) for doubt in doubts if doubt]

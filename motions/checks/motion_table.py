@@ -18,9 +18,10 @@ LARGEST_RADIANS = 1.0
 """No clavicle is elevated or turned, and no scapula tipped, by more. In degrees, an angle that stays below it while the
 arm rises by 60 has less than the noise of a measurement and a tenth of its course in people."""
 
-_IN_RADIANS = dict.fromkeys(("clavicle_z", "clavicle_x", "scapula_x"), LARGEST_RADIANS) | dict.fromkeys(
-    ("clavicle_y", "scapula_y", "scapula_z"), float(np.pi)
-)
+_IN_RADIANS: dict[str, float] = {
+    **dict.fromkeys(("clavicle_z", "clavicle_x", "scapula_x"), LARGEST_RADIANS),
+    **dict.fromkeys(("clavicle_y", "scapula_y", "scapula_z"), float(np.pi)),
+}
 """What angles stay within in radians. Of motion files those with the last three are refused
 (``motions.motion_csv.unit_and_side``)."""
 
@@ -144,7 +145,10 @@ def nothing_of_bone(mine: Motions) -> Doubt | None:
         angles = np.abs(mine.angles_deg[:, part])
         known = np.isfinite(angles)
         small = known[:, 0] & (known.sum(axis=1) > 1) & (np.where(known, angles, 0.0).max(axis=1) <= np.pi)
-        found += [f"{posture_of(mine, row)} all angles of the {bone} are within 3.14" for row in np.flatnonzero(small)]
+        found += [
+            f"{posture_of(mine, row)} all angles of the {bone} are within 3.14"
+            for row in np.flatnonzero(small).tolist()
+        ]
     if not found:
         return None
     return some_of(found), "Give degrees from the thorax, not radians and not from rest; empty what was not measured"
@@ -156,6 +160,8 @@ def copied_rows(mine: Motions) -> Doubt | None:
     for motion, rows in _in_order(mine):
         angles, elevation = np.nan_to_num(mine.angles_deg[rows], nan=np.inf), mine.humerus_elevation_deg[rows]
         same = (angles[1:] == angles[:-1]).all(axis=1)
+        if not same.any():
+            continue
         if len(rows) >= _FEWEST_VALUES and same.all():
             found.append(f"all {len(rows)} postures of {motion!r} are the same")
             continue
@@ -174,7 +180,8 @@ def copied_rows(mine: Motions) -> Doubt | None:
 
 def _has_digits(angles_deg: Float[np.ndarray, "n 6"], decimals: int) -> Bool[np.ndarray, " n"]:
     """Tell where an angle has more decimals than these: a person who stands still then has other ones."""
-    return (np.nan_to_num(np.abs(angles_deg - np.round(angles_deg, decimals))) > _ROUNDING).any(axis=1)
+    off = np.nan_to_num(np.abs(angles_deg - np.round(angles_deg, decimals)))
+    return off.max(axis=1) > _ROUNDING
 
 
 _ROUNDING = 1e-9

@@ -42,7 +42,7 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
     _leave_outliers(found, whose, file)
     _leave_misfits(found, whose, file)
     if loose := _loose(found):
-        remedy = "Is its marker on another segment, or are its rows those of another time? It is used as it is"
+        remedy = "Is a marker on another segment, or are its rows those of another time? They are used as they are"
         warn_input(InputError(file, None, f"{whose}: {loose}", remedy))
     if corner := looks_like_corner(found):
         warn_input(InputError(file, None, f"{whose}: {corner}", CALL_IT_AA))
@@ -136,21 +136,15 @@ moves C7 and T8 by less."""
 
 
 def _loose(found: Positions) -> str:
-    """Say which landmark goes against its bone, slowly, so that no frame is an outlier."""
+    """Say which two landmarks of a bone go apart, slowly, so that no frame is an outlier."""
     pairs = [pair for pair in RIGID if set(pair) <= found.keys()]
-    if not pairs or next(iter(found.values())).shape[1] < FEWEST_LOOSE:
+    rows = distances_mm(found, pairs) if pairs else np.empty((0, 0))
+    known = [row[np.isfinite(row)] for row in rows]
+    changes = [float(np.ptp(np.percentile(row, [5.0, 95.0]))) if row.size >= FEWEST_LOOSE else 0.0 for row in known]
+    if max(changes, default=0.0) <= LOOSE_MM:
         return ""
-    changes: dict[str, list[tuple[float, str]]] = {}
-    for (a, b), row in zip(pairs, distances_mm(found, pairs), strict=True):
-        if (known := row[np.isfinite(row)]).size >= FEWEST_LOOSE:
-            low, high = np.percentile(known, [5.0, 95.0])
-            for name, other in ((a, b), (b, a)):
-                changes.setdefault(name, []).append((float(high - low), other))
-    name = max(changes, key=lambda one: sum(mm for mm, _ in changes[one]), default="")
-    mm, other = max(changes[name]) if name else (0.0, "")
-    return (
-        f"the distance from {name} to {other} changes by {mm:.0f} mm, in a bone by skin alone" if mm > LOOSE_MM else ""
-    )
+    one, other = pairs[int(np.argmax(changes))]
+    return f"the distance between {one} and {other} changes by {max(changes):.0f} mm, in people by what skin does alone"
 
 
 FEWEST_LOOSE = 10

@@ -114,6 +114,13 @@ def test_a_trial_keeps_its_bones_and_says_how_they_turn(trial, tmp_path):
     assert thorax[["thorax_x_deg", "thorax_y_deg", "thorax_z_deg"]].abs().to_numpy().max() < 1e-9
 
 
+def test_a_thorax_across_the_global_frame_is_named(trial, tmp_path):
+    (tmp_path / "lab.toml").write_text('global = ["x", "z", "-y"]\n')
+    path = trial_file(tmp_path, trial.thorax_mm)
+    ended = girdle("check", path, "--map", tmp_path / "lab.toml", "--out", tmp_path / "out")
+    assert "the thorax is turned: its up by 90 and back by 90 degrees" in ended.err
+
+
 def test_a_landmark_that_slipped_is_named(trial, tmp_path):
     TS = trial.thorax_mm["TS"].copy()
     TS[:, 5] += [12.0, 9.0, 0.0]

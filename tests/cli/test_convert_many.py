@@ -11,6 +11,9 @@ from motions.formats.angle_table import table_from_motions
 from motions.formats.mot import write_mot
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*(all angles of|same angles|are the same):motions.errors.InputWarning")
+"""The trials here are copies of one, which reading them says."""
+
 ELEVATIONS = np.linspace(5.0, 125.0, 9)
 PLACE_MM = np.array([300.0, -500.0, 1200.0])
 AMC_MM = {"AMC1": (-10.0, 8.0, 5.0), "AMC2": (20.0, 12.0, -9.0), "AMC3": (5.0, 30.0, 12.0)}

@@ -1,3 +1,5 @@
+# pyright: reportArgumentType=false, reportReturnType=false
+# (pandas says "Series | DataFrame" of nearly every result)
 """Wrong tables of postures that a laboratory makes, each named; measured and shipped ones pass without a word.
 
 Each is made of the shipped subjects (simulated), or of the measured shoulders where they are there.

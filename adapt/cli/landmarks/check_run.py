@@ -14,9 +14,11 @@ from adapt.cli.terminal.console import folding_table
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from adapt.tables.landmark_tables import distances_table, motions_table, thorax_of_landmarks, two_tables
 from motions import InputError
-from motions.checks.trial import NEEDED, slipped, sound_landmarks
+from motions.checks.trial import NEEDED, against_global, slipped, sound_landmarks
+from motions.errors import warn_input
 from motions.formats.landmark_sets import LandmarkSet, read_landmark_sets
 from motions.landmarks.mapping import MIDDLES, Mapping, read_mapping
+from motions.landmarks.sampled_postures import THORAX_COLUMNS
 
 _MOST_PRINTED = 60
 """Rows of a table on the terminal."""
@@ -28,6 +30,9 @@ def check_landmarks(landmarks: Path, out: Path, other: Path | None, names: Path 
     sets = read_landmark_sets(landmarks, mapping)
     thorax = None if mapping.R_lab_global is None else thorax_of_landmarks(sets, mapping.R_lab_global)
     tables = _of_one(sets) if other is None else differences_of_two(landmarks, other, mapping)
+    for subject, rows in () if thorax is None else thorax.groupby("subject", sort=False):
+        if turned := against_global(rows[list(THORAX_COLUMNS)].to_numpy(float)):
+            warn_input(InputError(str(landmarks), None, f"{subject}: {turned[0]}", turned[1]))
     with results_folder(out) as folder, transaction(folder) as part:
         for name, table in zip(("distances", "rigid_motions"), tables, strict=True):
             write_table(table, part / f"{name}.csv")
