@@ -34,9 +34,9 @@ OUT_OF_LINE_DEG, MOST_OUT_DEG = 20.0, 45.0
 """Of a posture from the middle of its neighbours, beyond what the elevation changes to a neighbour (no girdle turns
 faster than the arm), and in any case. Measured motions have up to 2, simulated ones none."""
 
-BESIDE_DEG, MOST_BESIDE_DEG = 30.0, 60.0
-"""The same of the first or last posture with the arm low from the one neighbour. Measured: up to 6. With the arm high
-simulated girdles jump by more, to another branch."""
+BESIDE_DEG, MOST_BESIDE_DEG = 50.0, 90.0
+"""The same of the first or last posture with the arm low from the one neighbour. Measured: up to 6; simulated girdles
+that jump to another branch: up to 47, with the arm high more."""
 
 COPIED_ELEVATION_DEG = 5.0
 """Over which six measured angles are never the same to the last digit."""
@@ -192,10 +192,10 @@ def motions_alike(mine: Motions) -> Doubt | None:
     """Find two motions with the same angles to the last digit: of held-out ones, one then predicts the other."""
     first: dict[bytes, str] = {}
     for motion, rows in _in_order(mine):
-        if (
-            len(rows) >= _FEWEST_VALUES
-            and (earlier := first.setdefault(mine.angles_deg[rows].tobytes(), motion)) != motion
-        ):
+        angles = mine.angles_deg[rows]
+        if len(rows) < _FEWEST_VALUES or not (angles != angles[0]).any():
+            continue
+        if (earlier := first.setdefault(angles.tobytes(), motion)) != motion:
             return f"{earlier!r} and {motion!r} have the same angles", "Is one a copy of the other? Delete it"
     return None
 
