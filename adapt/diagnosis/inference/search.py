@@ -1,11 +1,13 @@
-"""The search over sets of causes: a beam of posterior modes, each widened by what the linear model says of one more.
+"""The search over sets of causes: a beam of posterior modes, each widened by what the linear model says of one more,
+and then the sets around the best.
 
     V(H) = log sum_k w_k evidence_k(H) + |H| log(expected / candidates)
 
 The evidence is that of ``fit.posterior``, with each belief k about what no cause explains (``Belief``): noise alone,
 what shoulders do each in its own way, what all do alike. w is that of two more causes for the last, which acts
 like one that is not in the list; the others are alike. Their variances are those that the best set of a first pass
-leaves, in which noise alone is left; and of what all do alike those besides that are left where nothing is named.
+leaves, in which noise alone is left, then those of the best set with these; and of what all do alike those besides that
+are left where nothing is named.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -25,7 +27,7 @@ from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, position_rows
-from adapt.diagnosis.fit.posterior import Posterior, modes
+from adapt.diagnosis.fit.posterior import SETTLED, Posterior, modes
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.intervals import resampled_persons
@@ -42,7 +44,14 @@ _WIDTHS = ((1, 10, 10), (4, 4, 10), (3, 4, 8), (2, 4, 5), (1, 3, 3))
 _HOPELESS = 3.0
 """A level that is worse than the best by this much in V ends the search: an odds of 20."""
 
-_PASSES = 2
+_ROUGHLY = 5.0
+"""As ``SETTLED``, where noise alone is left: sets are hundreds of nats apart there, and are fitted anew after it."""
+
+_MOST_PASSES = 4
+"""With what the best set leaves; most end after two, with the same set."""
+
+_AROUND, _FITTED_AROUND = 3, 8
+"""Best sets around which others are looked for, and how many of these are fitted at once."""
 
 _TRIED = 4
 """So many other causes are fitted in the place of one."""
@@ -72,6 +81,16 @@ class Node(NamedTuple):
         return np.logaddexp.reduce(self.by_belief[:, 1:])
 
 
+class Hope(NamedTuple):
+    """What the linear model says of a set."""
+
+    value: float
+    """V."""
+    hypothesis: Hypothesis
+    start: Node
+    """The set in whose mode that is, where a fit begins."""
+
+
 @dataclass
 class Search:
     """All hypotheses that were fitted, by name."""
@@ -89,6 +108,10 @@ class Search:
     discrepancy: Discrepancy = TYPICAL
     """Of the belief that is most probable with the best set; modes are found with it."""
     beliefs: tuple[Belief, ...] = (Belief("common", TYPICAL),)
+    learnt: Hypothesis = ()
+    """The set that left what the beliefs say."""
+    enough: float = SETTLED
+    """Decrease of -2 log p in a step at which a mode is found."""
     likelihoods: dict[tuple[Discrepancy, str | None], Likelihood] = field(default_factory=dict)
     """By the discrepancy, and what is held out of them."""
 
@@ -121,7 +144,7 @@ class Search:
 
     def _modes(self, hypotheses: Sequence[Hypothesis], thetas_mm, amplitudes) -> list[Posterior]:
         beliefs = [self._with(one.discrepancy) for one in self.beliefs]
-        return modes(self.joint, self.likelihood, hypotheses, thetas_mm, amplitudes, beliefs)
+        return modes(self.joint, self.likelihood, hypotheses, thetas_mm, amplitudes, beliefs, self.enough)
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
         """Fit a hypothesis, from the fit of another one; without one, what is known."""
@@ -194,17 +217,20 @@ class Search:
         where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
         return posterior.evidence.given(where, here[where], candidates.mean[where], candidates.scale[where])
 
-    def widened(self, node: Node) -> list[tuple[float, Hypothesis, Node]]:
+    def widened(self, node: Node) -> list[Hope]:
         """Predict every set with one more cause, the best first."""
-        candidates = self.joint.candidates
-        causes = {candidates.causes[name] for name in node.hypothesis}
         found = []
-        for effect in candidates.effects:
-            if effect.cause not in causes:
-                hypothesis = candidates.ordered((*node.hypothesis, effect.name))
-                known = self.nodes.get(hypothesis)
-                found.append((known.value if known else self._predicted(node, hypothesis), hypothesis, node))
-        return sorted(found, key=lambda one: -one[0])
+        for hypothesis in self._with_one_more(node.hypothesis):
+            known = self.nodes.get(hypothesis)
+            found.append(Hope(known.value if known else self._predicted(node, hypothesis), hypothesis, node))
+        return sorted(found, key=lambda one: -one.value)
+
+    def _with_one_more(self, hypothesis: Hypothesis) -> list[Hypothesis]:
+        """Every set with one more cause."""
+        candidates = self.joint.candidates
+        causes = {candidates.causes[name] for name in hypothesis}
+        more = (one.name for one in candidates.effects if one.cause not in causes)
+        return [candidates.ordered((*hypothesis, name)) for name in more]
 
     def _predicted(self, node: Node, hypothesis: Hypothesis) -> float:
         """Predict V of a set from the mode of another one, once."""
@@ -219,13 +245,8 @@ class Search:
         level = [self.fit((*self.known, *first), known)]
         best = level[0].value
         for sets, each, fits in _WIDTHS:
-            hopeful: dict[Hypothesis, tuple[float, Hypothesis, Node]] = {}
-            for node in sorted(level, key=lambda node: -node.value)[:sets]:
-                for one in self.widened(node)[:each]:
-                    if one[1] not in hopeful or hopeful[one[1]][0] < one[0]:
-                        hopeful[one[1]] = one
-            chosen = sorted(hopeful.values(), key=lambda one: -one[0])[: fits // 2 if first else fits]
-            level = self.fit_all([(hypothesis, node) for value, hypothesis, node in chosen if value > _WORST])
+            widened = [one for node in _highest(level, sets) for one in self.widened(node)[:each] if one.value > _WORST]
+            level = self.fit_all(_most_hopeful(widened, fits // 2 if first else fits))
             if not level:
                 return
             highest = max(node.value for node in level)
@@ -235,22 +256,46 @@ class Search:
 
     def run(self) -> "Search":
         """Search from what is known, and beside it from each effect whose size has been measured: as if noise alone
-        were left, as large as what is not smooth along the motions; and again with what the best set leaves."""
+        were left, as large as what is not smooth along the motions; again with what the best set leaves; and around
+        the best sets with what the best of these leaves, until it is the same."""
         first = self.fit(self.known, None)
         smooth = likeliest(self.joint, first.posterior)
         noise = smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
         self._place_landmarks(first, noise)
+        self.enough = _ROUGHLY
         self._believe([Belief("noise", noise)])
-        learnt = None
-        for _ in range(_PASSES):
-            self.beam()
-            for effect in self.joint.candidates.effects:
-                if effect.prior.mean and effect.name not in self.known:
-                    self.beam((effect.name,))
-            if self.best.hypothesis != learnt:
-                learnt = self.best.hypothesis
-                self._learn(self.best, smooth)
+        self._beams()
+        self.enough = SETTLED
+        self._learn(self.best, smooth)
+        self._beams()
+        for _ in range(_MOST_PASSES):
+            self._around()
+            if self.best.hypothesis == self.learnt:
+                break
+            self._learn(self.best, smooth)
         return self
+
+    def _beams(self) -> None:
+        self.beam()
+        for effect in self.joint.candidates.effects:
+            if effect.prior.mean and effect.name not in self.known:
+                self.beam((effect.name,))
+
+    def _around(self) -> None:
+        """Fit what has one cause more, less or in the place of another than the best sets, the most hopeful first,
+        until none is better: two that belong together do not come one after the other."""
+        while True:
+            best = self.best.value
+            beside = [one for node in _highest(self.usable, _AROUND) for one in self._beside(node)]
+            self.fit_all(_most_hopeful(beside, _FITTED_AROUND))
+            if self.best.value <= best:
+                return
+
+    def _beside(self, node: Node) -> list[Hope]:
+        """Predict every set that is not fitted with one cause more, less, or in the place of another than one has."""
+        less = [without(node.hypothesis, name) for name in node.hypothesis if name not in self.known]
+        sets = {*less, *(one for kept in (node.hypothesis, *less) for one in self._with_one_more(kept))}
+        return [Hope(self._predicted(node, one), one, node) for one in sorted(sets.difference(self.nodes))]
 
     def _place_landmarks(self, first: Node, discrepancy: Discrepancy) -> None:
         """Take the landmarks of the scapula for carried by its marker, and not on the bone, where a cause that turns
@@ -277,6 +322,7 @@ class Search:
     def _learn(self, best: Node, smooth: Discrepancy) -> None:
         """Estimate what the best set leaves to each belief, and fit the best sets anew with them; where nothing is
         named ``smooth`` is left."""
+        self.learnt = best.hypothesis
         before = {one.left: one.discrepancy for one in reversed(self.beliefs)}
         beliefs = [
             Belief(left, likeliest(self.joint, best.posterior, none, before.get(left, smooth)))
@@ -288,7 +334,7 @@ class Search:
 
     def _believe(self, beliefs: Sequence[Belief]) -> None:
         """Fit the best sets anew with these beliefs."""
-        best = sorted(self.usable, key=lambda one: -one.value)[:_KEPT]
+        best = _highest(self.usable, _KEPT)
         before = list({one.hypothesis: one for one in (*best, self.nodes[self.known])}.values())
         self.beliefs = tuple(beliefs)
         self.discrepancy = self._most_probable(before[0])
@@ -378,6 +424,18 @@ class Search:
     def usable(self) -> list[Node]:
         """All fitted hypotheses whose effects act the right way."""
         return [node for node in self.nodes.values() if node.value > _WORST]
+
+
+def _highest(nodes: Sequence[Node], most: int) -> list[Node]:
+    return sorted(nodes, key=lambda one: -one.value)[:most]
+
+
+def _most_hopeful(hopes: Sequence[Hope], most: int) -> list[tuple[Hypothesis, Node]]:
+    """Keep so many sets, and of each where it is most probable, the best first."""
+    best: dict[Hypothesis, Hope] = {}
+    for one in sorted(hopes, key=lambda one: -one.value):
+        best.setdefault(one.hypothesis, one)
+    return [(one.hypothesis, one.start) for one in best.values()][:most]
 
 
 def search_of(

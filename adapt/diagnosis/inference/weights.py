@@ -50,7 +50,9 @@ def weigh(search: Search) -> Weights:
     is as probable as before them."""
     least = search.best.value - _NEAR
     near = [node for node in search.usable if node.value > least]
-    widened = sorted((one for node in near for one in search.widened(node) if one[0] > least), key=lambda one: one[0])
+    widened = sorted(
+        (one for node in near for one in search.widened(node) if one.value > least), key=lambda one: one.value
+    )
     starts = {hypothesis: start for _, hypothesis, start in widened}  # where it is most probable
     each = {name: search.by_belief(start, name) for name, start in starts.items()}
     each |= {node.hypothesis: node.by_belief[:, 1:] for node in search.usable}
