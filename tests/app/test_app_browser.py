@@ -17,7 +17,7 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from browsing import DESK, PHONE, needs_browser
+from browsing import COARSE, DESK, PHONE, needs_browser
 from command import shipped_lines, written
 from laboratory import in_laboratory, simulated_trial, trc_lines, up_and_down
 from playwright.sync_api import Page, expect
@@ -85,6 +85,7 @@ def window(address) -> Iterator[Page]:
     """As who asks for less motion sees it: a moving bar, drawn in software, takes as much as what it waits for."""
     with browser() as one:
         page = one.new_page(reduced_motion="reduce")
+        page.add_init_script(COARSE)
         page.set_default_timeout(PATIENCE_S * 1000)
         expect.set_options(timeout=PATIENCE_S * 1000)
         yield page

@@ -22,8 +22,8 @@ def theta_and_result(girdle, points_mm, bounds_mm, angles, weight, measured):
 
 def alone(*given) -> tuple[AdaptedSubject, AdaptedSubject]:
     """The result of what ``theta_and_result`` takes, and its slope where all numbers but ``measured`` grow by one."""
-    *numbers, measured = jax.tree.map(jnp.asarray, given)
-    return _alone(tuple(numbers), measured)
+    *numbers, measured = given  # all float64: a Python number has a weak type, and would ask for another program
+    return _alone(jax.tree.map(lambda x: jnp.asarray(x, float), tuple(numbers)), jnp.asarray(measured))
 
 
 @few_runs

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import pytest
-from browsing import WIDE, Seen
+from browsing import COARSE, WIDE, Seen
 from playwright.sync_api import BrowserContext
 
 from scripts.picture_report import browser, open_report
@@ -33,6 +33,7 @@ def look(started, tmp_path_factory) -> Callable[..., Seen]:
             path = folder / "report.html"
             path.write_text(html, encoding="utf-8")
             page = started.new_page()
+            page.add_init_script(COARSE)
             page.set_viewport_size(window)
             seen = Seen(page)
             page.on("console", lambda said: seen.errors.append(said.text) if said.type == "error" else None)

@@ -139,6 +139,15 @@ def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
     seen.assert_quiet()
 
 
+def test_the_page_opens_where_adaptation_changes_most(look):
+    seen = look(adapted())
+    data, at = seen.data(), seen.chosen
+    states, motions = data["models"][at["model"]]["states"], data["subjects"][0]["motions"]
+    falls = np.subtract(states["before"]["rms_deg"], states["after"]["rms_deg"])
+    mine = falls[motions[0]["rows"][0] : motions[-1]["rows"][1]]
+    assert falls[motions[at["motion"]]["rows"][0] + at["posture"]] == mine.max()
+
+
 def test_every_choice_can_be_made_by_keys(look):
     seen = look(adapted())
     page = seen.page
@@ -488,12 +497,3 @@ def test_the_command_to_copy_names_the_folder_of_the_page(look):
     command.locator("button").click()
     expect(command.locator("[role=status]")).to_have_text(re.compile("copied|selected"))
     seen.assert_quiet()
-
-
-def test_the_page_opens_where_adaptation_changes_most(look):
-    seen = look(adapted())
-    data, at = seen.data(), seen.chosen
-    states, motions = data["models"][at["model"]]["states"], data["subjects"][0]["motions"]
-    falls = np.subtract(states["before"]["rms_deg"], states["after"]["rms_deg"])
-    mine = falls[motions[0]["rows"][0] : motions[-1]["rows"][1]]
-    assert falls[motions[at["motion"]]["rows"][0] + at["posture"]] == mine.max()

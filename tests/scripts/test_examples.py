@@ -9,6 +9,7 @@ import pytest
 from command import girdle
 
 from adapt import adapt_subjects
+from adapt.output.large_runs import dask_cluster
 from models import load_model
 from motions import read_motions, read_trial
 from scripts.rooms import ROOT
@@ -110,8 +111,10 @@ def test_a_persons_own_model(example, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore")  # of Dask's processes
-def test_a_cluster(example, tmp_path):
+def test_a_cluster(example, monkeypatch, tmp_path):
     pytest.importorskip("distributed")
+    # Its workers are threads of this process: all later tests would compile into the user's cache.
+    monkeypatch.setattr(dask_cluster, "keep_compiled", lambda: None)
     parameters = example(6)["main"](tmp_path)
     assert parameters["status"].tolist() == ["ok"] * 10
 
