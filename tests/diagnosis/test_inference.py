@@ -1,16 +1,17 @@
 """Search, weights, names, intervals and noise on small simulated worlds, and the parts that can be checked by hand."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_worlds import every_frame, joint_fit, root_of, searched, simulated
+from small_worlds import CANDIDATES, every_frame, joint_fit, root_of, searched, simulated
 
 from adapt.api import adapt_with_every_fold
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.noise import estimate_noise
-from adapt.diagnosis.fit.posterior import modes
+from adapt.diagnosis.fit.posterior import SETTLED, modes
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_moves_as_well
@@ -261,6 +262,24 @@ def test_of_twice_as_many_persons_a_size_spreads_as_the_mean_of_those_that_were_
 def test_probabilities_are_the_mean_over_the_draws():
     """Odds of 3 in one draw and of 1 in the other: 3/4 and 1/2."""
     np.testing.assert_allclose(probabilities([np.log([3.0, 1.0]), np.zeros(2)]), [0.625, 0.375])
+
+
+def test_from_a_wrong_cause_the_best_of_all_sets_is_reached():
+    """Of four candidates: besides none, three sets stand around it with one more, three with another in its place."""
+    found = searched(BIAS)
+    search, every = (
+        Search(found.joint, found.folds, beliefs=found.beliefs, discrepancy=found.discrepancy) for _ in range(2)
+    )
+    nothing = every.fit((), None)
+    sets = [some for count in range(1, 5) for some in itertools.combinations(CANDIDATES, count)]
+    every.fit_all([(every.joint.candidates.ordered(some), nothing) for some in sets])
+    wrong = search.fit(("thorax_tilt",), search.fit((), None))
+    others = [name for name in CANDIDATES if name != "thorax_tilt"]
+    beside = {frozenset(one.hypothesis) for one in search.beside(wrong)}
+    assert beside == {frozenset(one) for name in others for one in ((name,), (name, "thorax_tilt"))}
+    search.around()
+    assert search.best.hypothesis == every.best.hypothesis
+    assert search.best.value == pytest.approx(every.best.value, abs=SETTLED)
 
 
 def test_what_is_known_is_in_every_set_and_never_left_out():

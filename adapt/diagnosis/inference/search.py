@@ -269,7 +269,7 @@ class Search:
         self._learn(self.best, smooth)
         self._beams()
         for _ in range(_MOST_PASSES):
-            self._around()
+            self.around()
             if self.best.hypothesis == self.learnt:
                 break
             self._learn(self.best, smooth)
@@ -281,17 +281,17 @@ class Search:
             if effect.prior.mean and effect.name not in self.known:
                 self.beam((effect.name,))
 
-    def _around(self) -> None:
+    def around(self) -> None:
         """Fit what has one cause more, less or in the place of another than the best sets, the most hopeful first,
         until none is better: two that belong together do not come one after the other."""
         while True:
             best = self.best.value
-            beside = [one for node in _highest(self.usable, _AROUND) for one in self._beside(node)]
+            beside = [one for node in _highest(self.usable, _AROUND) for one in self.beside(node)]
             self.fit_all(_most_hopeful(beside, _FITTED_AROUND))
             if self.best.value <= best:
                 return
 
-    def _beside(self, node: Node) -> list[Hope]:
+    def beside(self, node: Node) -> list[Hope]:
         """Predict every set that is not fitted with one cause more, less, or in the place of another than one has."""
         less = [without(node.hypothesis, name) for name in node.hypothesis if name not in self.known]
         sets = {*less, *(one for kept in (node.hypothesis, *less) for one in self._with_one_more(kept))}
