@@ -11,7 +11,7 @@ from adapt.api import adapt_with_every_fold
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.noise import estimate_noise
-from adapt.diagnosis.fit.posterior import SETTLED, modes
+from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_moves_as_well
@@ -38,6 +38,9 @@ SAME_DEG = 1e-3
 
 AT_THE_MODE = 0.3
 """In posterior SDs of the amplitudes, all together: what is not linear between the two modes, and what steps leave."""
+
+SAME_NATS = 0.05
+"""Of one mode from two starts, which ends where a step gains a hundredth of a nat."""
 
 SHARE = 0.1
 """Of the mean bias, 10 degrees: three errors of a constant angle from 14 postures with 0.3 degrees of noise, and what
@@ -279,7 +282,7 @@ def test_from_a_wrong_cause_the_best_of_all_sets_is_reached():
     assert beside == {frozenset(one) for name in others for one in ((name,), (name, "thorax_tilt"))}
     search.around()
     assert search.best.hypothesis == every.best.hypothesis
-    assert search.best.value == pytest.approx(every.best.value, abs=SETTLED)
+    assert search.best.value == pytest.approx(every.best.value, abs=SAME_NATS)
 
 
 def test_what_is_known_is_in_every_set_and_never_left_out():

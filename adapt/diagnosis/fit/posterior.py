@@ -28,7 +28,7 @@ _N = len(ADAPTED)
 _MOST_STEPS = 300
 """Most modes take 20 to 60; valleys are long and bent."""
 
-SETTLED = 0.02
+_ENOUGH = 0.02
 """Decrease of -2 log p in a step at which a mode is found, a hundredth of a nat. With 0.5 sets of causes ended a nat
 from their modes, and which was named went by the last digit of a sum."""
 
@@ -60,18 +60,14 @@ def modes(
     thetas_mm: Sequence[Float[np.ndarray, "subjects adapted"]],
     amplitudes: Sequence[Float[np.ndarray, " own"]],
     beliefs: Sequence[Likelihood] = (),
-    enough: float = SETTLED,
 ) -> list[Posterior]:
-    """Find the modes of hypotheses side by side, each from a start of its own; ``joint`` has everybody in one group.
-
-    ``enough``: the decrease of -2 log p in a step at which a mode is found.
-    """
+    """Find the modes of hypotheses side by side, each from a start of its own; ``joint`` has everybody in one group."""
     objective = joint.objective(hypotheses)
     a = np.zeros((max(map(len, amplitudes)), len(hypotheses)))
     for group, own in enumerate(amplitudes):
         a[: len(own), group] = own
     first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a, _by_positions(joint, likelihood, hypotheses))
-    near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood, enough), _MOST_STEPS)
+    near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood), _MOST_STEPS)
     every = np.arange(len(joint.candidates.scale))
     distinct = {id(one): one for one in (likelihood, *beliefs)}.values()  # the first is mostly among the others
     in_order, thetas = np.argsort(joint.rows), _by_group(theta, mode)
@@ -128,7 +124,7 @@ def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions)
     return (near, theta, first._replace(total=total))
 
 
-def _stepped(likelihood: Likelihood, enough: float, objective: Objective, steps: Steps) -> Steps:
+def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Steps:
     """Take a step in every group that is going on, if it leads down; else damp it more."""
     parts, shared, (near, theta, now) = objective.parts, objective.shared, steps
     gradient, undamped = _quadratic(likelihood, objective, steps)
@@ -150,7 +146,7 @@ def _stepped(likelihood: Likelihood, enough: float, objective: Objective, steps:
     better = now.going & (total <= now.total) & ~opened
     share = np.where(better, now.total - total, 0.0) / np.where(expected > 0.0, expected, 1.0)
     damping = _DAMPING.after(now.damping, better, share)
-    ended = better & (now.total - total < enough) & (now.damping < STUCK)
+    ended = better & (now.total - total < _ENOUGH) & (now.damping < STUCK)
     taken = better[parts.group]
     return (
         where_problems(taken[parts.part], there, near),

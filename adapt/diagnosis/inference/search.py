@@ -27,7 +27,7 @@ from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, position_rows
-from adapt.diagnosis.fit.posterior import SETTLED, Posterior, modes
+from adapt.diagnosis.fit.posterior import Posterior, modes
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.intervals import resampled_persons
@@ -43,9 +43,6 @@ _WIDTHS = ((1, 10, 10), (4, 4, 10), (3, 4, 8), (2, 4, 5), (1, 3, 3))
 
 _HOPELESS = 3.0
 """A level that is worse than the best by this much in V ends the search: an odds of 20."""
-
-_ROUGHLY = 5.0
-"""As ``SETTLED``, where noise alone is left: sets are hundreds of nats apart there, and are fitted anew after it."""
 
 _MOST_PASSES = 4
 """With what the best set leaves; most end after two, with the same set."""
@@ -110,8 +107,6 @@ class Search:
     beliefs: tuple[Belief, ...] = (Belief("common", TYPICAL),)
     learnt: Hypothesis = ()
     """The set that left what the beliefs say."""
-    enough: float = SETTLED
-    """Decrease of -2 log p in a step at which a mode is found."""
     likelihoods: dict[tuple[Discrepancy, str | None], Likelihood] = field(default_factory=dict)
     """By the discrepancy, and what is held out of them."""
 
@@ -144,7 +139,7 @@ class Search:
 
     def _modes(self, hypotheses: Sequence[Hypothesis], thetas_mm, amplitudes) -> list[Posterior]:
         beliefs = [self._with(one.discrepancy) for one in self.beliefs]
-        return modes(self.joint, self.likelihood, hypotheses, thetas_mm, amplitudes, beliefs, self.enough)
+        return modes(self.joint, self.likelihood, hypotheses, thetas_mm, amplitudes, beliefs)
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
         """Fit a hypothesis, from the fit of another one; without one, what is known."""
@@ -262,10 +257,8 @@ class Search:
         smooth = likeliest(self.joint, first.posterior)
         noise = smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
         self._place_landmarks(first, noise)
-        self.enough = _ROUGHLY
         self._believe([Belief("noise", noise)])
         self._beams()
-        self.enough = SETTLED
         self._learn(self.best, smooth)
         self._beams()
         for _ in range(_MOST_PASSES):
