@@ -1,6 +1,8 @@
 """The one error of a user's input, and the one warning: where it is, what is wrong, what to do about it."""
 
 import difflib
+import shlex
+import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
@@ -36,6 +38,14 @@ class InputWarning(UserWarning):
 def warn_input(doubt: InputError) -> None:
     """Warn of a file that is used as it is: InputWarning, in the words of an error that is not raised."""
     warnings.warn(InputWarning(str(doubt)), stacklevel=3)
+
+
+def pip_install(*packages: str) -> str:
+    """Write the command that installs packages into the environment that runs, whatever made it.
+
+    Packages, and not `girdle[extra]`: girdle is in no index, where that name may be anybody's.
+    """
+    return shlex.join([sys.executable, "-m", "pip", "install", *packages])
 
 
 def named(name: str, known: Mapping[str, Value], place: str, kind: str) -> Value:

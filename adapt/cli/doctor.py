@@ -15,6 +15,7 @@ from packaging.requirements import Requirement
 from adapt.cli.options import console
 from adapt.cli.terminal.console import folding_table
 from adapt.engine.compilation_cache import cache_folder
+from motions.errors import pip_install
 
 EXIT_NEEDED_IS_MISSING = 1
 
@@ -99,7 +100,7 @@ def _package(one: Requirement, extra: str) -> Finding:
     found = _version(one.name)
     if found and one.specifier.contains(found, prereleases=True):
         return Finding(what, found)
-    command = f"{shlex.quote(sys.executable)} -m pip install {shlex.quote(f'{one.name}{one.specifier}')}"
+    command = pip_install(f"{one.name}{one.specifier}")
     remedy = f"for {USE_OF_EXTRA[extra]}: {command}" if extra else command
     return Finding(what, found or "not installed", OPTIONAL if extra else MISSING, remedy)
 

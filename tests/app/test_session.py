@@ -17,7 +17,7 @@ from handmade import motions_of, rising
 from adapt.cli.ending import ENDS_WITH_STDIN
 from adapt.cli.local_page import uploads
 from adapt.cli.local_page.child_runs import PROGRESS, PROGRESS_LINES, Children
-from adapt.cli.local_page.marker_names import guessed, mapping_toml
+from adapt.cli.local_page.marker_names import HEADING, guessed, mapping_toml, pointing_here
 from adapt.cli.local_page.session import MAPPING, LaboratoryOptions, Session, convert_arguments
 from adapt.cli.local_page.uploads import State, TrialLabels, Upload, accepted, shown_name, with_own_names
 from adapt.cli.local_page.what_was_read import subjects_read, warnings
@@ -84,6 +84,13 @@ def test_messages_have_the_persons_names_of_files():
 
 def test_landmarks_are_guessed_by_their_names_alone():
     assert guessed(["P01:IJ", "PX", "x:PX", "a:C7", "b:C7", "ac "]) == {"IJ": "P01:IJ", "PX": "PX", "AC": "ac "}
+
+
+def test_messages_name_the_controls_of_the_page():
+    said = pointing_here("Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999")
+    assert said == f'Name its marker below, under "{HEADING}", or place it with "SC from IJ" kaptein1999'
+    kept = 'turn one round with axes = ["x", "y", "-z"] in a mapping file (--map)'
+    assert pointing_here(kept) == kept  # the page has no control for it
 
 
 def test_the_mapping_is_what_convert_reads():
@@ -180,7 +187,7 @@ def test_a_command_tells_the_page_its_stages(monkeypatch, tmp_path):
 
 def test_without_its_extra_the_command_says_what_to_install(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    refused(girdle("app"), "girdle app", "nicegui, which is not installed", "pip install 'girdle[app]'")
+    refused(girdle("app"), "girdle app", "nicegui, which is not installed", f"{sys.executable} -m pip install nicegui")
 
 
 def test_a_port_that_is_taken_is_named():

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from functools import cache
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -48,6 +49,9 @@ DRAG_MS = 10_000
 
 LEAST_CONTRAST = 4.5
 """Of text, WCAG 2 AA."""
+
+WHITE = 235
+"""Of 255: a shadow is darker."""
 
 MOST_INK = 0.1
 """Share of a printed page: text and lines are less, a dark background is more."""
@@ -283,6 +287,16 @@ def test_on_a_phone_an_adaptation_has_no_grave_fault(look):
     seen.assert_quiet()
     seen.page.set_viewport_size(TABLET)
     seen.assert_quiet()
+
+
+def test_on_a_phone_a_table_has_a_shadow_where_it_goes_on(look):
+    table = look(adapted(), PHONE).page.locator("#before-after .scroll")
+    edges = []
+    for place in ("0", "it.scrollWidth"):
+        table.evaluate(f"it => {{ it.scrollLeft = {place} }}")
+        grey = np.asarray(Image.open(BytesIO(table.screenshot())).convert("L"))
+        edges.append((np.median(grey[:, 4]) > WHITE, np.median(grey[:, -5]) > WHITE))
+    assert edges == [(True, False), (False, True)]
 
 
 ODD = [EVIL, "no elevation", "failed", "one elevation", "one posture"]

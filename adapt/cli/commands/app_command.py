@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from adapt.cli.options import console
-from motions import InputError
+from motions.errors import InputError, pip_install
 
 
 def open_app(
@@ -20,7 +20,7 @@ def open_app(
     """
     if importlib.util.find_spec("nicegui") is None:
         cause = "the page needs nicegui, which is not installed"
-        raise InputError("girdle app", None, cause, "Install it: pip install 'girdle[app]'")
+        raise InputError("girdle app", None, cause, f"Install it: {pip_install('nicegui')}")
     from adapt.cli.local_page.server import LOOPBACK, free_port, serve  # a web server: not for every command
 
     chosen = free_port(port)

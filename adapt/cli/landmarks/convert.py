@@ -13,7 +13,7 @@ from adapt.cli.landmarks.many_files import calibration_for, is_folder_of_trials,
 from adapt.solvers import status
 from models.export.opensim import opensim_model
 from models.parameter_sets import load_model
-from motions.errors import InputError
+from motions.errors import InputError, pip_install
 from motions.files import atomic_write, atomic_write_bytes, file_names, make_folder
 from motions.formats.angle_table import SCAPULA_THROUGH, split, table_from_motions
 from motions.formats.any_file import read_any
@@ -130,7 +130,7 @@ def write_parquet(source: Path, target: Path) -> None:
     """Write a CSV table as Parquet, names as text. InputError if it is none, or if pyarrow is not installed."""
     if importlib.util.find_spec("pyarrow") is None:
         cause = "Parquet needs pyarrow, which is not installed"
-        raise InputError(str(target), None, cause, "Install it: .venv/bin/pip install pyarrow")
+        raise InputError(str(target), None, cause, f"Install it: {pip_install('pyarrow')}")
     atomic_write_bytes(target, _table(source).to_parquet(index=False))
 
 

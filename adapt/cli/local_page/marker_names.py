@@ -5,6 +5,14 @@ from collections.abc import Iterable, Mapping
 from models.export.toml import toml_text
 from motions.landmarks.mapping import MARKERS
 
+HEADING = "Which marker is which landmark, unit"
+
+_CONTROLS: Mapping[str, str] = {
+    "in a mapping file (--map)": f'below, under "{HEADING}"',
+    "--sc-from-ij": '"SC from IJ"',
+    "--aa-to-ac": '"AC from AA"',
+}
+
 
 def guessed(names: Iterable[str]) -> dict[str, str]:
     """Find the landmarks among the names of markers: called so, or so behind a prefix, as ``P01:IJ``."""
@@ -15,6 +23,18 @@ def guessed(names: Iterable[str]) -> dict[str, str]:
         if len(exact or ends) == 1:
             (found[landmark],) = exact or ends
     return found
+
+
+def pointing_here(text: str) -> str:
+    """Let a message of ``girdle convert`` name the controls of the page in place of a mapping file and options.
+
+    What the page has no control for (axes, columns, clusters) keeps the words of the command line.
+    """
+    if "axes =" in text or "under [" in text:
+        return text
+    for of_command, of_page in _CONTROLS.items():
+        text = text.replace(of_command, of_page)
+    return text
 
 
 def mapping_toml(markers: Mapping[str, str], unit: str = "") -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adapt.cli.local_page.child_runs import Children, Ended
-from adapt.cli.local_page.marker_names import mapping_toml
+from adapt.cli.local_page.marker_names import mapping_toml, pointing_here
 from adapt.cli.local_page.uploads import State, Upload, accepted, with_own_names
 from adapt.cli.local_page.zipped_folder import zip_folder
 from motions import InputError, Motions, read_motions
@@ -106,7 +106,8 @@ class Session:
         (self.folder / upload.motions).unlink(missing_ok=True)
         ended = await self.children.girdle(convert_arguments(upload, self.options))
         said = ended.message if not ended.useful or ended.said else ended.out.partition(" in motions/")[0].strip()
-        upload.said = self.named(said.removeprefix("error: "))
+        said = said.removeprefix("error: ")
+        upload.said = self.named(pointing_here(said) if upload.markers else said)
         if upload.state is State.READING:  # else it was altered meanwhile
             upload.state = State.READ if ended.useful else State.REFUSED
 

@@ -9,7 +9,7 @@ from functools import partial
 from nicegui import ui
 from nicegui.events import UploadEventArguments
 
-from adapt.cli.local_page.marker_names import guessed
+from adapt.cli.local_page.marker_names import HEADING, guessed
 from adapt.cli.local_page.session import COMMANDS, ZIP, Session
 from adapt.cli.local_page.uploads import ENDINGS, LARGEST_FILE_BYTES, State, Upload
 from adapt.cli.local_page.what_was_read import subjects_read, warnings
@@ -239,7 +239,7 @@ class SessionPage:
 
             return changed
 
-        with ui.expansion("Which marker is which landmark, unit", value=unknown).classes("w-full").props("dense"):
+        with ui.expansion(HEADING, value=unknown).classes("w-full").props("dense"):
             ui.label(
                 "IJ, PX, C7, T8, TS, AI and AC are needed (AA may stand for AC). SC gives the clavicle; GH, EM and EL "
                 "the elevation of the arm. A formula such as (a + b)/2 may be written too."

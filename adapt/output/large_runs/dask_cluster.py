@@ -5,7 +5,7 @@ from typing import Any
 
 from adapt.engine.compilation_cache import keep_compiled
 from adapt.output.large_runs.parts import Chunks, Maker, Work
-from motions.errors import InputError
+from motions.errors import InputError, pip_install
 
 _CONNECT_S = 10.0
 
@@ -23,9 +23,8 @@ def on_cluster(address: str) -> Maker:
         from distributed import Client, as_completed
     except ImportError as error:
         cause = "Dask is not installed"
-        raise InputError(
-            "--dask", None, cause, "Install it here and for the workers: pip install 'girdle[dask]'"
-        ) from error
+        remedy = f"Install it here and for the workers: {pip_install('distributed')}"
+        raise InputError("--dask", None, cause, remedy) from error
 
     def make(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
         with _client(Client, address) as client:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError
+from motions.errors import InputError, pip_install
 from motions.files import unreadable
 
 _EXTRA = {"pydicom": "pydicom", "PIL": "pillow", "shapely": "shapely"}
@@ -55,7 +55,7 @@ def require_extra() -> None:
     missing = [package for module, package in _EXTRA.items() if importlib.util.find_spec(module) is None]
     if missing:
         cause = f"contours need {' and '.join(missing)}, not installed here"
-        raise InputError("girdle contour", None, cause, f"Install: .venv/bin/pip install {' '.join(missing)}")
+        raise InputError("girdle contour", None, cause, f"Install: {pip_install(*missing)}")
 
 
 def read_slices(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from motions.errors import InputError
+from motions.errors import InputError, pip_install
 from motions.files import read_by_child, read_bytes
 
 Points = Float[np.ndarray, "3 points"]
@@ -138,6 +138,6 @@ def _by_vtk(path: Path, size: int) -> dict[str, np.ndarray]:
     """
     if importlib.util.find_spec("vtkmodules") is None:
         cause = "surfaces need vtk, which is not installed"
-        raise InputError(str(path), None, cause, "Install it: pip install 'girdle[surface]'")
+        raise InputError(str(path), None, cause, f"Install it: {pip_install('vtk')}")
     patience_s = _PATIENCE_S + size / _BYTES_A_SECOND
     return read_by_child(Path(__file__).with_name("mesh_child.py"), path, "vtk", "Export the surface anew", patience_s)
