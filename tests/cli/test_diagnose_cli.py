@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command import Ended, girdle, refused, written
+from command import SHIPPED, Ended, girdle, refused, written
 from diagnoses import NOTHING, ONE, TWO, gap_of
 from handmade import adaptations
 
@@ -21,7 +21,7 @@ from adapt.output.diagnosis_figures import FIGURES, figures
 from adapt.output.written_files import LIST
 from models import load_model
 from models.effects import EFFECTS
-from motions import ANGLES, write_motions
+from motions import ANGLES, read_motions, write_motions
 
 TABLES = ("fits.csv", "heldout.csv", "parameters.csv", "summary.csv")
 FILES = sorted(["diagnosis.json", "positions.csv", "report.html", "run.json", LIST, *TABLES, *FIGURES])
@@ -250,3 +250,15 @@ def test_a_subject_with_too_few_postures_is_left_out_and_named(real):
     why = "3 postures with more than 3 angles, fewer than 4"
     assert ended.messages == [f"not handled: simulated04: {why}"]
     assert json.loads((out / "diagnosis.json").read_text())["left_out"] == {"simulated04": why}
+
+
+def test_a_recorded_trial_is_diagnosed_as_it_was_converted(tmp_path):
+    """Its angles were computed from the landmarks beside them: these are not counted twice."""
+    converted = tmp_path / "trial.csv"
+    ended = girdle("convert", SHIPPED.parent / "simulated_trial.trc", converted, "--at", "0,20,40,60,80,100,120")
+    assert ended.status == 0
+    motions = read_motions(converted)
+    assert "SC" in motions.landmarks_mm
+    effects = [EFFECTS[name] for name in ("scapula_landmark_bias", "sc_translation")]
+    (found,) = diagnose(motions, load_model("R2"), effects=effects).values()
+    assert not found.verdict.causes, "of one motion of one person"

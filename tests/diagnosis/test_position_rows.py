@@ -252,6 +252,14 @@ def test_landmarks_that_a_cluster_carries_do_not_show_what_turns_the_frame():
     np.testing.assert_array_equal(carried.by_amplitude[..., others], rows.by_amplitude[..., others])
 
 
+def test_beside_angles_of_them_no_landmark_is_left_that_a_cluster_may_carry():
+    rows, candidates, shoulders = parts(laid_out())
+    some = rows.beside_angles_of_them(shoulders.angles)
+    assert some is not None
+    assert some.values_mm.shape[1] == 4, "SC, and AC along the clavicle"
+    np.testing.assert_array_equal(some.carried(candidates).by_amplitude, some.by_amplitude)
+
+
 def test_what_was_not_measured_is_no_row():
     rows, candidates, shoulders = parts(laid_out(both, noise_mm=1.0))
     hidden = rows.measured.copy()

@@ -86,7 +86,7 @@ class PositionRows:
     by_common: Float[np.ndarray, "rows n common"]
     """H C."""
     landmarks: tuple[str, ...]
-    """Those that were measured, three coordinates each."""
+    """Those that were measured, three coordinates each; none where only what is ``beside_angles_of_them`` is left."""
     of_noise: Float[np.ndarray, "rows n n"]
     """Covariance of the coordinates where each coordinate of a place has noise of SD 1: a place is in that of its
     landmark, and in those of all that it carries."""
@@ -137,7 +137,7 @@ class PositionRows:
             by_amplitude=turned @ self.by_amplitude,
             by_constant=_OPEN * turned @ self.by_constant,
             by_common=_OPEN * turned @ self.by_constant,
-            landmarks=self.landmarks,
+            landmarks=(),
             of_noise=turned @ self.of_noise @ np.swapaxes(turned, 1, 2),
             by_angle=np.zeros((count, len(kept), len(angles))),
             noise_mm=self.noise_mm,
