@@ -141,6 +141,9 @@ _OF_TABLE = (
 MOST_NAMED = 10
 """Subjects that are warned of by name."""
 
+_MOST_KEPT = 100_000
+"""Subjects that later ones are compared with, some 20 MB: a run has any number."""
+
 
 class SubjectDoubts:
     """Warns of subjects whose angles are likely not what their names say, each once; beyond MOST_NAMED by number."""
@@ -148,7 +151,7 @@ class SubjectDoubts:
     def __init__(self) -> None:
         self._seen: set[str] = set()
         self._columns: set[str] = set()
-        self._angles: dict[int, str] = {}
+        self._angles: dict[int | None, str] = {}
         self._more = 0
         self._named = 0
 
@@ -165,8 +168,11 @@ class SubjectDoubts:
             self._seen.add(subject)
             table = motions.take(mine)
             warnings = _doubts(table, subject, files[subject])
-            same = None if (key := angles_of(table)) is None else self._angles.setdefault(key, subject)
-            if same not in (None, subject):
+            key = angles_of(table)
+            same = self._angles.get(key, subject)
+            if key is not None and len(self._angles) < _MOST_KEPT:
+                self._angles.setdefault(key, subject)
+            if same != subject:
                 remedy = "Is one a copy of the other? Two subjects with the same angles count as two people"
                 warnings.append(InputError(files[subject], None, f"{subject} has all angles of {same}", remedy))
             if warnings and self._named >= MOST_NAMED:
