@@ -295,7 +295,7 @@ class Search:
         the measured frame in the bone explains more so."""
         candidates, rows = self.joint.candidates, self.joint.positions
         turning = [one.name for one in candidates.effects if one.cause in TURN_THE_SCAPULA_FRAME]
-        if rows is None or not turning:
+        if rows is None or not rows.landmarks or not turning:
             return
         values = []
         joints = self.joint, replace(self.joint, positions=rows.carried(candidates))
