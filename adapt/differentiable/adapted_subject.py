@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.differentiable.closest_posture import ENDLESS, PostureFit, Postures, distances_mm, fit_from, target
+from adapt.differentiable.closest_posture import PostureFit, Postures, distances_mm, fit_from, target
 from adapt.differentiable.constrained_optimum import NEAR, SOFTLY, following, reached
 from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.girdle import Girdle
@@ -23,6 +23,9 @@ from motions.arrays import Array
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
+
+ENDLESS = np.array([[-np.inf], [np.inf]])
+"""Bounds of what has none."""
 
 
 class OwnPrior(NamedTuple):
@@ -129,17 +132,16 @@ def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None,
         columns, zeros = prior.columns_mm, jnp.zeros(prior.columns_mm.shape[1])
         base, starts, points, pull = girdle, zeros[None], points_mm[:, :0], prior.noise_deg
         bounds_mm = ENDLESS * jnp.ones_like(zeros)
-    root, bounds = jnp.sqrt(weight / jnp.sum(counts)), jnp.concatenate([bounds_mm, ENDLESS * jnp.ones(s.size)], axis=1)
-    problem = Postures(s, R, root * jnp.sqrt(counts), base, columns, bounds, points, root * pull)
+    root = jnp.sqrt(weight / jnp.sum(counts))
+    problem = Postures(s, R, root * jnp.sqrt(counts), base, columns, bounds_mm, points, root * pull)
     starts = (starts, starts[0]) if start is None else (starts[:0], start)
     x, beyond = _search(*jax.lax.stop_gradient((problem, *starts)))
     x = following(problem, beyond, x)
-    theta, fits = problem.parts(x)[0], problem.fits(x)
-    adapted = problem.girdle_at(theta)
+    theta, fits, adapted = x[0], problem.fits(x[1]), problem.girdle_at(x[0])
     return AdaptedSubject(
         theta_mm=adapted.adapted_mm,
         free=beyond[: len(ADAPTED)] == 0.0,  # sizes have no bounds
-        E=jnp.sum(problem.residuals(x[: len(beyond)]) ** 2),
+        E=sum(jnp.sum(r**2) for r in problem.residuals(theta, x[1][:6])),
         D_mm2=jnp.mean(distances_mm(adapted, points_mm) ** 2),
         mean_j_deg2=jnp.sum(fits.j_deg2) / jnp.sum(counts > 0),
         postures=fits,
@@ -150,19 +152,18 @@ def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None,
 
 
 @jax.custom_batching.sequential_vmap
-def _search(problem: Postures, starts: Array, theta: Array) -> tuple[Array, Array]:
+def _search(problem: Postures, starts: Array, theta: Array) -> tuple[tuple[Array, Array], Array]:
     """Find the lowest optimum: from the starts with the measured postures, and then with the lowest postures that the
     best of these has, or ``theta`` if there is none. Subject by subject, so that none waits for another."""
 
     def further(best, given):
         start, soft = given
-        theta = jnp.where(soft, start, problem.parts(best[0])[0])
+        theta = jnp.where(soft, start, best[0][0])
         q = jax.lax.cond(soft, lambda: problem.s, lambda: fit_from(problem.girdle_at(theta), problem.s, problem.R)[0])
-        found = reached(problem, jnp.concatenate([theta, q.ravel()]), jnp.where(soft, SOFTLY, NEAR))
+        found = reached(problem, (theta, q), jnp.where(soft, SOFTLY, NEAR))
         return jax.tree.map(lambda new, old: jnp.where(found[2] < best[2], new, old), found, best), None
 
-    v = jnp.concatenate([theta, problem.s.ravel()])
-    nothing = jnp.concatenate([v, jnp.zeros(problem.s[:3].size)]), jnp.zeros_like(v), jnp.inf
+    nothing = (theta, jnp.concatenate([problem.s, jnp.zeros_like(problem.s[:3])])), jnp.zeros_like(theta), jnp.inf
     rounds = jnp.concatenate([starts, theta[None]]), jnp.arange(len(starts) + 1) < len(starts)
     x, beyond, E = jax.lax.scan(further, nothing, rounds)[0]
-    return jnp.where(jnp.isfinite(E), x, jnp.nan), beyond
+    return jax.tree.map(lambda of: jnp.where(jnp.isfinite(E), of, jnp.nan), x), beyond

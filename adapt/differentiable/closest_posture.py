@@ -19,9 +19,6 @@ from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES
 
-ENDLESS = np.array([[-np.inf], [np.inf]])
-"""Bounds of what has none."""
-
 _OFFSETS_DEG = np.concatenate([np.zeros((1, 6)), np.random.default_rng(1).uniform(-30.0, 30.0, (9, 6))])
 _SLACKS = np.stack([SOFTLY] * 5 + [HARDER] * 5)
 """Starts about the measured angles, and how each goes on: J has several local minima. These lead to the J of the
@@ -41,7 +38,7 @@ class PostureFit(NamedTuple):
 
 
 class Postures(NamedTuple):
-    """Closed postures of one girdle, which theta moves: v = (theta, q). Of posture fits alone theta has no entry."""
+    """Closed postures of one girdle, which theta moves. Of posture fits alone theta has no entry."""
 
     s: Float[Array, "6 postures"]
     """Measured angles, at rest where not measured."""
@@ -52,39 +49,32 @@ class Postures(NamedTuple):
     girdle: Girdle
     columns: Float[Array, "numbers thetas"]
     """What theta adds to ``Girdle.numbers_mm``."""
-    bounds: Float[Array, "2 variables"]
+    bounds: Float[Array, "2 thetas"]
     points_mm: Float[Array, "3 points"]
     """Whose mean squared distance counts."""
     pull: float | Float[Array, ""]
     """Square root of what a theta^2 counts."""
 
-    def parts(self, x: Array) -> tuple[Array, Array, Array]:
-        """Take theta, q and lambda out of (v, lambda), or the first two out of v."""
-        theta, q, multipliers = jnp.split(x, np.cumsum([self.columns.shape[1], self.s.size]))
-        return theta, q.reshape(self.s.shape), multipliers
-
     def girdle_at(self, theta: Array) -> Girdle:
         """Build the girdle that theta makes."""
         return Girdle.of_numbers(self.girdle.numbers_mm + self.columns @ theta)
 
-    def residuals(self, v: Array) -> Array:
-        """Compute what E is the sum of squares of."""
-        theta, q, _ = self.parts(v)
+    def residuals(self, theta: Array, q: Array) -> tuple[Array, Array]:
+        """Compute what E is the sum of squares of: of theta alone, and of each posture."""
         distances = distances_mm(self.girdle_at(theta), self.points_mm) / np.sqrt(max(1, self.points_mm.shape[1]))
         gaps = jnp.where(self.share > 0.0, self.share * self.R, 1.0) * (q - self.s)
-        return jnp.concatenate([distances, self.pull * theta, gaps.ravel()])
+        return jnp.concatenate([distances, self.pull * theta]), gaps
 
-    def constraints(self, v: Array) -> Array:
+    def constraints(self, theta: Array, q: Array) -> Array:
         """Compute A1-A3 of every posture; of padding, what keeps it where it is."""
-        theta, q, _ = self.parts(v)
         g = self.girdle_at(theta).residuals_mm(q)
-        return jnp.where(self.share > 0.0, self.share * g, (q - self.s)[:3]).ravel()
+        return jnp.where(self.share > 0.0, self.share * g, (q - self.s)[:3])
 
-    def fits(self, x: Array) -> PostureFit:
-        """Take the postures out of (v, lambda), unmeasured angles within half a turn of rest."""
-        _, q, multipliers = self.parts(x)
+    def fits(self, own: Array) -> PostureFit:
+        """Take the postures out of (q, lambda), unmeasured angles within half a turn of rest."""
+        q, multipliers = own[:6], own[6:]
         q -= 2.0 * jnp.pi * jnp.where(self.R == 0.0, jnp.round((q - self.s) / (2.0 * jnp.pi)), 0.0)
-        of_J = multipliers.reshape(3, -1) / jnp.where(self.share > 0.0, self.share, 1.0)
+        of_J = multipliers / jnp.where(self.share > 0.0, self.share, 1.0)
         return PostureFit(q, of_J, jnp.sum((self.R * (q - self.s)) ** 2, axis=0))
 
 
@@ -145,8 +135,13 @@ def fit_from(girdle: Girdle, s: Array, R: Array, start: Array | None = None) -> 
 
 def _fit_one(girdle: Girdle, s: Array, R: Array, start: Array | None) -> PostureFit:
     counts, nothing = 1.0 * jnp.any(R != 0.0, keepdims=True), jnp.zeros((COUNT_OF_NUMBERS, 0))
-    one = Postures(s[:, None], R[:, None], counts, girdle, nothing, ENDLESS * jnp.ones(6), nothing[:3], 0.0)
+    one = Postures(s[:, None], R[:, None], counts, girdle, nothing, nothing[:2], nothing[:3], 0.0)
     starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
-    x, beyond, J = jax.lax.map(lambda given: reached(jax.lax.stop_gradient(one), *given), jax.lax.stop_gradient(starts))
-    x, beyond = jnp.where(jnp.isfinite(jnp.min(J)), x[jnp.argmin(J)], jnp.nan), beyond[0]  # no bounds
-    return jax.tree.map(lambda of: of[..., 0], one.fits(following(one, beyond, x)))
+
+    def searched(given):
+        return reached(jax.lax.stop_gradient(one), (nothing[0], given[0][:, None]), given[1])
+
+    x, beyond, J = jax.lax.map(searched, jax.lax.stop_gradient(starts))
+    x = jax.tree.map(lambda of: jnp.where(jnp.isfinite(jnp.min(J)), of[jnp.argmin(J)], jnp.nan), x)
+    _, own = following(one, beyond[0], x)
+    return jax.tree.map(lambda of: of[..., 0], one.fits(own))

@@ -1,20 +1,27 @@
 """The least sum of squares under constraints and bounds, as a differentiable function of the numbers of the problem.
 
-    minimise |r(v)|^2   subject to   g(v) = 0,   low <= v <= high
+    minimise |r(v)|^2   subject to   g(v) = 0,   low <= theta <= high,   v = (theta, q of each posture)
 
-Constraints and bounds first have slack: least squares of r, g / slack and (v - nearest in bounds) / slack, which needs
-no feasible start and passes local minima. Newton's method then solves the conditions of the optimum x = (v, lambda),
+Constraints and bounds first have slack: least squares of r, g / slack and (theta - nearest in bounds) / slack, which
+needs no feasible start and passes local minima. Newton's method then solves the conditions of the optimum
+x = (theta, q and lambda of each posture),
 
-    F(x) = d/dx (|r|^2 + lambda' g) = 0,   v = bound in place of dF/dv where v was beyond it,
+    F(x) = d/dx (|r|^2 + lambda' g) = 0,   theta = bound in place of dF/dtheta where theta was beyond it,
 
-and they carry its derivatives (implicit function theorem): dx = -K^-1 dF with K = dF/dx. A problem is a pytree of the
-numbers that the optimum follows, with ``residuals`` and ``constraints`` of v, and ``bounds``.
+and they carry its derivatives (implicit function theorem): dx = -K^-1 dF with K = dF/dx. No posture meets another but
+through theta, so that J'J and K have the form of an arrow, and everything costs as much as there are postures.
+
+A problem is a pytree of the numbers that the optimum follows, with ``bounds`` of theta, ``residuals`` (those of theta
+alone, and those of each posture) and ``constraints`` of theta and q. Numbers of postures have the postures last.
 """
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
+from jax.flatten_util import ravel_pytree
 
 from motions.arrays import Array
 
@@ -36,23 +43,65 @@ def _by_lapack(A: Array, b: Array) -> Array:
     return jnp.linalg.solve(A, b)
 
 
-def _solve(A: Array, b: Array) -> Array:
-    return jax.lax.custom_linear_solve(A.__matmul__, b, lambda _, b: _by_lapack(A, b), lambda _, b: _by_lapack(A.T, b))
+class _Arrow(NamedTuple):
+    """A symmetric matrix over theta and what each posture has of its own."""
+
+    of_theta: Array
+    both: Array
+    """(own, theta, postures)"""
+    own: Array
+    """(own, own, postures)"""
+
+    def __matmul__(self, x: tuple[Array, Array]) -> tuple[Array, Array]:
+        of_theta = self.of_theta @ x[0] + jnp.einsum("ktp,kp->t", self.both, x[1])
+        return of_theta, jnp.einsum("ktp,t->kp", self.both, x[0]) + jnp.einsum("kjp,jp->kp", self.own, x[1])
+
+    def solve(self, b: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Solve, each posture's own first (Schur complement)."""
+        flat, parts = ravel_pytree(b)  # JAX cannot transpose where only one of two parts is asked for
+
+        def product(x):
+            return ravel_pytree(self @ parts(x))[0]
+
+        def solution(_, b):
+            theta, own = parts(b)
+            solved = jax.vmap(_by_lapack, -1, -1)(self.own, jnp.concatenate([self.both, own[:, None]], axis=1))
+            rows = jnp.column_stack([self.of_theta, theta]) - jnp.einsum("ktp,kup->tu", self.both, solved)
+            theta = _by_lapack(rows[:, :-1], rows[:, -1])
+            return ravel_pytree((theta, solved[:, -1] - jnp.einsum("ktp,t->kp", solved[:, :-1], theta)))[0]
+
+        return parts(jax.lax.custom_linear_solve(product, flat, solution, symmetric=True))
+
+
+def _columns(linear, theta: Array, own: Array):
+    """Apply a linear function to each theta and to each number that a posture has, of all postures at once.
+
+    As no posture meets another, these are all its columns (Curtis, Powell and Reid 1974).
+    """
+    t, k = len(theta), len(own)
+    of_own = jnp.eye(t + k, k, -t)[..., None] * jnp.ones_like(own)
+    return jax.vmap(linear)((jnp.eye(t + k, t), of_own))
 
 
 class _Descent(optimistix.AbstractDescent):
-    """Levenberg-Marquardt's step by its normal equations, for ``_solve``."""
+    """Levenberg-Marquardt's step by its normal equations."""
 
     def init(self, y, f_info_struct):
-        return jnp.zeros((len(y), len(y))), jnp.zeros_like(y)
+        (t,), (k, postures) = y[0].shape, y[1].shape
+        return _Arrow(*map(jnp.zeros, ((t, t), (k, t, postures), (k, k, postures)))), jax.tree.map(jnp.zeros_like, y)
 
-    def query(self, y, f_info, state):
-        J = f_info.jac.as_matrix()
-        return J.T @ J, J.T @ f_info.residual
+    def query(self, y, f_info, state):  # J'J, J'r
+        t, (r, r_each) = len(y[0]), f_info.residual
+        J, J_each = _columns(f_info.jac.mv, *y)
+        JJ = jnp.einsum("irp,jrp->ijp", J_each, J_each)
+        slope = jnp.einsum("irp,rp->ip", J_each, r_each)
+        arrow = _Arrow(J[:t] @ J[:t].T + jnp.sum(JJ[:t, :t], axis=-1), JJ[t:, :t], JJ[t:, t:])
+        return arrow, (J[:t] @ r + jnp.sum(slope[:t], axis=-1), slope[t:])
 
     def step(self, step_size, state):
-        JJ, slope = state
-        return -_solve(JJ + jnp.eye(len(slope)) / step_size, slope), optimistix.RESULTS.successful
+        (of_theta, both, own), slope = state
+        damped = _Arrow(of_theta + jnp.eye(len(of_theta)) / step_size, both, own + jnp.eye(6)[..., None] / step_size)
+        return jax.tree.map(jnp.negative, damped.solve(slope)), optimistix.RESULTS.successful
 
 
 class _LevenbergMarquardt(optimistix.LevenbergMarquardt):
@@ -61,51 +110,70 @@ class _LevenbergMarquardt(optimistix.LevenbergMarquardt):
         self.descent = _Descent()  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def _conditions(problem, beyond: Array, x: Array) -> Array:
-    """F; ``beyond`` is 1 above the upper bound, -1 below the lower, 0 where v is free."""
-    n = len(beyond)
-    slope = jax.grad(lambda x: jnp.sum(problem.residuals(x[:n]) ** 2) + x[n:] @ problem.constraints(x[:n]))(x)
-    of_v = jnp.where(beyond == 0.0, slope[:n], x[:n] - jnp.where(beyond < 0.0, *problem.bounds))
-    return jnp.concatenate([of_v, slope[n:]])
+def _gradient(problem, x: tuple[Array, Array]) -> tuple[Array, Array]:
+    """d/dx (|r|^2 + lambda' g)"""
+
+    def lagrangian(x):
+        theta, own = x
+        squares = jax.tree.map(lambda r: jnp.sum(r**2), problem.residuals(theta, own[:6]))
+        return sum(squares) + jnp.sum(own[6:] * problem.constraints(theta, own[:6]))
+
+    return jax.grad(lagrangian)(x)
 
 
-def _slope(problem, beyond: Array, x: Array) -> tuple[Array, Array]:
-    """K, and F."""
-    return jax.jacfwd(lambda x: (_conditions(problem, beyond, x),) * 2, has_aux=True)(x)
+def _conditions(problem, beyond: Array, x: tuple[Array, Array]) -> tuple[Array, Array]:
+    """F; ``beyond`` is 1 where theta is above its upper bound, -1 below the lower, 0 where it is free."""
+    of_theta, of_own = _gradient(problem, x)
+    return jnp.where(beyond == 0.0, of_theta, x[0] - jnp.where(beyond < 0.0, *problem.bounds)), of_own
 
 
-def softly(problem, start: Array, slacks: Array) -> Array:
+def _newton_step(problem, beyond: Array, x: tuple[Array, Array], F: tuple[Array, Array]) -> tuple[Array, Array]:
+    """-K^-1 F. Of theta at a bound the rows of K are those of 1, and the right side has what it moves of all others."""
+    t, free = len(beyond), beyond == 0.0
+    H, H_each = _columns(lambda dx: jax.jvp(lambda x: _gradient(problem, x), (x,), (dx,))[1], *x)
+    K = _Arrow(H[:t], jnp.swapaxes(H_each[:t], 0, 1), H_each[t:])
+    moved = K @ (jnp.where(free, 0.0, -F[0]), jnp.zeros_like(F[1]))
+    b = jnp.where(free, -F[0] - moved[0], -F[0]), -F[1] - moved[1]
+    among_free = jnp.where(free & free[:, None], K.of_theta, jnp.eye(t))
+    return _Arrow(among_free, jnp.where(free[:, None], K.both, 0.0), K.own).solve(b)
+
+
+def softly(problem, start: tuple[Array, Array], slacks: Array) -> tuple[Array, Array]:
     """Search from v = start: v at the last slack."""
 
     def residuals(v, slack):
-        outside = v - jnp.clip(v, *problem.bounds)
-        return jnp.concatenate([problem.residuals(v), problem.constraints(v) / slack, outside / slack])
+        of_theta, of_each = problem.residuals(*v)
+        outside = v[0] - jnp.clip(v[0], *problem.bounds)
+        open_by = problem.constraints(*v)
+        return jnp.concatenate([of_theta, outside / slack]), jnp.concatenate([of_each, open_by / slack])
 
     def stiffer(v, slack):
-        solver, most = _LevenbergMarquardt(), _MOST_STEPS + 2 * len(v)
+        solver, most = _LevenbergMarquardt(), _MOST_STEPS + 2 * sum(part.size for part in v)
         return optimistix.least_squares(residuals, solver, v, slack, throw=False, max_steps=most).value, None
 
     return jax.lax.scan(stiffer, start, slacks)[0]
 
 
-def reached(problem, start: Array, slacks: Array) -> tuple[Array, Array, Array]:
-    """Find the optimum x from v = start, where v is beyond its bounds, and |r|^2; infinite where there is none."""
-    v, n = softly(problem, start, slacks), len(start)
-    beyond = jnp.sign(v - jnp.clip(v, *problem.bounds))
+def reached(problem, start: tuple[Array, Array], slacks: Array) -> tuple[tuple[Array, Array], Array, Array]:
+    """Find the optimum x from v = start, where theta is beyond its bounds, and |r|^2; infinite where there is none."""
+    theta, q = softly(problem, start, slacks)
+    beyond = jnp.sign(theta - jnp.clip(theta, *problem.bounds))
 
     def newton(state):
         x, _, count = state
-        K, F = _slope(problem, beyond, x)
-        step = _solve(K, -F)
-        return x + step, jnp.max(abs(step[:n])), count + 1
+        step = _newton_step(problem, beyond, x, _conditions(problem, beyond, x))
+        longest = jnp.max(abs(jnp.concatenate([step[0], step[1][:6].ravel()])))
+        return jax.tree.map(jnp.add, x, step), longest, count + 1
 
-    first = jnp.concatenate([v, 2.0 * problem.constraints(v) / slacks[-1] ** 2]), jnp.inf, 0
+    multipliers = 2.0 * problem.constraints(theta, q) / slacks[-1] ** 2
+    first = (theta, jnp.concatenate([q, multipliers])), jnp.inf, 0
     x, longest, _ = jax.lax.while_loop(lambda state: (state[1] > _SETTLED) & (state[2] < _MOST_ROUNDS), newton, first)
-    return x, beyond, jnp.where(longest <= _SETTLED, jnp.sum(problem.residuals(x[:n]) ** 2), jnp.inf)
+    E = sum(jnp.sum(r**2) for r in problem.residuals(x[0], x[1][:6]))
+    return x, beyond, jnp.where(longest <= _SETTLED, E, jnp.inf)
 
 
 @jax.custom_jvp
-def following(problem, beyond: Array, x: Array) -> Array:
+def following(problem, beyond: Array, x: tuple[Array, Array]) -> tuple[Array, Array]:
     """Return the optimum x as it is; it follows where the numbers of the problem move."""
     return x
 
@@ -114,4 +182,4 @@ def following(problem, beyond: Array, x: Array) -> Array:
 def _following_jvp(primals, tangents):
     (problem, beyond, _), x = primals, following(*primals)
     _, moved = jax.jvp(lambda problem: _conditions(problem, beyond, x), (problem,), tangents[:1])
-    return x, _solve(_slope(problem, beyond, x)[0], -moved)
+    return x, _newton_step(problem, beyond, x, moved)
