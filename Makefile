@@ -25,8 +25,9 @@ lint: .venv/dev
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m scripts.words
 
+# With more room for what is new the garbage collector works less: 4 to 15 % of all CPU time.
 types: .venv/dev
-	$(BIN)/pyright
+	NODE_OPTIONS=--max-semi-space-size=128 $(BIN)/pyright
 
 units: .venv/dev
 	$(BIN)/pytest

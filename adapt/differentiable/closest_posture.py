@@ -67,7 +67,7 @@ class Postures(NamedTuple):
 
     def constraints(self, theta: Array, q: Array) -> Array:
         """Compute A1-A3 of every posture; of padding, what keeps it where it is."""
-        g = self.girdle_at(theta).residuals_mm(q)
+        g = _open_by_mm(self.girdle_at(theta), q)
         return jnp.where(self.share > 0.0, self.share * g, (q - self.s)[:3])
 
     def fits(self, own: Array) -> PostureFit:
@@ -78,6 +78,13 @@ class Postures(NamedTuple):
         return PostureFit(q, of_J, jnp.sum((self.R * (q - self.s)) ** 2, axis=0))
 
 
+@jax.jit
+def _open_by_mm(girdle: Girdle, q: Array) -> Array:
+    """Compute A1-A3."""
+    return girdle.residuals_mm(q)
+
+
+@jax.jit
 def distances_mm(girdle: Girdle, points_mm: Array) -> Array:
     """Compute how far points are from the ellipsoid."""
     return signed_distance_mm(points_mm, girdle.centre_mm[:, None], girdle.semi_axes_mm[:, None])
@@ -138,8 +145,10 @@ def _fit_one(girdle: Girdle, s: Array, R: Array, start: Array | None) -> Posture
     one = Postures(s[:, None], R[:, None], counts, girdle, nothing, nothing[:2], nothing[:3], 0.0)
     starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
 
+    still = jax.lax.stop_gradient(one)  # before the loop, or JAX would trace what follows through it
+
     def searched(given):
-        return reached(jax.lax.stop_gradient(one), (nothing[0], given[0][:, None]), given[1])
+        return reached(still, (nothing[0], given[0][:, None]), given[1])
 
     x, beyond, J = jax.lax.map(searched, jax.lax.stop_gradient(starts))
     x = jax.tree.map(lambda of: jnp.where(jnp.isfinite(jnp.min(J)), of[jnp.argmin(J)], jnp.nan), x)

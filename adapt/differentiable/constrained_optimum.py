@@ -110,6 +110,7 @@ class _LevenbergMarquardt(optimistix.LevenbergMarquardt):
         self.descent = _Descent()  # pyright: ignore[reportAttributeAccessIssue]
 
 
+@jax.jit
 def _gradient(problem, x: tuple[Array, Array]) -> tuple[Array, Array]:
     """d/dx (|r|^2 + lambda' g)"""
 
@@ -121,12 +122,14 @@ def _gradient(problem, x: tuple[Array, Array]) -> tuple[Array, Array]:
     return jax.grad(lagrangian)(x)
 
 
+@jax.jit
 def _conditions(problem, beyond: Array, x: tuple[Array, Array]) -> tuple[Array, Array]:
     """F; ``beyond`` is 1 where theta is above its upper bound, -1 below the lower, 0 where it is free."""
     of_theta, of_own = _gradient(problem, x)
     return jnp.where(beyond == 0.0, of_theta, x[0] - jnp.where(beyond < 0.0, *problem.bounds)), of_own
 
 
+@jax.jit
 def _newton_step(problem, beyond: Array, x: tuple[Array, Array], F: tuple[Array, Array]) -> tuple[Array, Array]:
     """-K^-1 F. Of theta at a bound the rows of K are those of 1, and the right side has what it moves of all others."""
     t, free = len(beyond), beyond == 0.0
@@ -154,6 +157,7 @@ def softly(problem, start: tuple[Array, Array], slacks: Array) -> tuple[Array, A
     return jax.lax.scan(stiffer, start, slacks)[0]
 
 
+@jax.jit
 def reached(problem, start: tuple[Array, Array], slacks: Array) -> tuple[tuple[Array, Array], Array, Array]:
     """Find the optimum x from v = start, where theta is beyond its bounds, and |r|^2; infinite where there is none."""
     theta, q = softly(problem, start, slacks)

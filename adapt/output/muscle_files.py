@@ -30,6 +30,9 @@ _COLOURS = {"sc": BLUE, "ac": ORANGE, "gh": GREEN}
 _COLUMNS = 5
 """Of the figure: a muscle each."""
 
+_PANEL, _LEFT, _RIGHT, _TOP, _BOTTOM = 1.9, 0.55, 0.1, 0.5, 0.5
+"""Inches, of a panel with the space beside it, and of the margins. To have them computed takes half of the drawing."""
+
 
 def write_muscles(folder: Path, found: MuscleTables) -> None:
     """Write ``muscle_arms.csv``, ``muscles.csv``, ``balance.csv``, ``muscle_lines.csv`` and ``muscle_arms.svg``."""
@@ -43,7 +46,9 @@ def arms_figure(muscles: pd.DataFrame) -> Figure:
     """Draw the arms of each muscle over elevation, means of all subjects and sets, before and after adaptation."""
     names = list(muscles["muscle"].unique())
     rows = -(-len(names) // _COLUMNS)
-    figure = Figure(figsize=(1.9 * _COLUMNS, 1.9 * rows), layout="constrained")
+    width, height = _PANEL * _COLUMNS, _PANEL * rows
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(_LEFT / width, _BOTTOM / height, 1.0 - _RIGHT / width, 1.0 - _TOP / height, 0.08, 0.18)
     grid = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
     tops = [_draw(axes, muscles[muscles["muscle"] == name]) for axes, name in zip(grid, names, strict=False)]
     grid[0].set_ylim(0.0, _MARGIN * max(tops))
@@ -51,9 +56,9 @@ def arms_figure(muscles: pd.DataFrame) -> Figure:
         axes.set_title(name.replace("_", " "), loc="left", fontsize=8.0)
     for axes in grid[len(names) :]:
         axes.set_visible(False)
-    figure.legend(handles=_legend(), frameon=False, loc="outside upper center", ncols=len(JOINTS) * len(_STYLES))
-    figure.supylabel("arm, mm", fontsize=8.0)
-    figure.supxlabel("humerus elevation, degrees", fontsize=8.0)
+    figure.legend(handles=_legend(), frameon=False, loc="upper center", ncols=len(JOINTS) * len(_STYLES))
+    figure.supylabel("arm, mm", fontsize=8.0, x=0.08 / width)
+    figure.supxlabel("humerus elevation, degrees", fontsize=8.0, y=0.08 / height)
     return figure
 
 
