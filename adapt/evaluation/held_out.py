@@ -154,7 +154,8 @@ def _persons(
     everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
     motion = np.tile(rows.packed(rows.motion), len(models))
     spread, unsure = spread_of(models, rows.subjects, people.sds), people.unsure_of(models, rows.subjects)
-    persons = Persons(spread, everybody, people.are_few, motion, unsure).at(problem)
+    kin = np.arange(len(everybody))
+    persons = Persons(spread, everybody, people.are_few, motion, unsure, kin).at(problem)
     spread = with_landmarks(persons.spread, parts, rows, models, problem)
     scales = [(without if part else everybody)[k] for k, part in zip(problem.tolist(), is_part.tolist(), strict=True)]
     return persons._replace(spread=spread, scales=scales)
@@ -180,7 +181,9 @@ def held_out_with_own_bones(
     def adapt(part: Problems, which: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
         part = replace(part, active_effects=fold_effects)
         persons = _persons(part, rows, [model], people[0], which, np.ones(len(which), bool))
-        return own_bones(part, persons._replace(scales=scales), weight)[:2]
+        alike = np.array([list(known).index(id(one)) for one in people])
+        kin = which + len(rows.subjects) * alike  # of a person with the same effects
+        return own_bones(part, persons._replace(scales=scales, kin=kin), weight)[:2]
 
     return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
 

@@ -51,12 +51,14 @@ class Persons(NamedTuple):
     motion: Int[np.ndarray, "postures problems"]
     """The number of the motion of each posture."""
     unsure: Unsure
+    kin: Int[np.ndarray, " problems"]
+    """A number that problems with other postures of the same person share."""
 
     def at(self, problem: Int[np.ndarray, " some"]) -> "Persons":
         """Take some of the problems, any as often as wanted."""
         scales = [self.scales[k] for k in problem.tolist()]
         spread, unsure = take_problems((self.spread, self.unsure), problem)
-        return Persons(spread, scales, self.own_noise, self.motion[:, problem], unsure)
+        return Persons(spread, scales, self.own_noise, self.motion[:, problem], unsure, self.kin[problem])
 
 
 def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
@@ -81,7 +83,7 @@ def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Probl
 def own_bones(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
     """Adapt bones of each person's own, with the noise of each where persons are few."""
     scales = with_own_noise(data, persons.spread) if persons.own_noise else persons.scales
-    return adapt_own_bones(data, persons.spread, scales, weight, persons.unsure)
+    return adapt_own_bones(data, persons.spread, scales, weight, persons.unsure, persons.kin)
 
 
 def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:

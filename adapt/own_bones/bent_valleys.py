@@ -29,7 +29,6 @@ from adapt.own_bones.most_probable import (
     Rows,
     most_probable,
     of_problems,
-    repeated,
     take_found,
 )
 from adapt.own_bones.posture_steps import persons_first
@@ -70,7 +69,7 @@ def overstated(
         return more, every
     eta, noise = _draws(found, models)
     eta, noise = eta[:, left], noise[:, np.isin(part, left)]
-    found = take_found(found, part, found.settled & known)
+    found = take_found(found, part, np.flatnonzero(found.settled & known))
     (rows, part), prior, S = of_problems(rows, part, left), take_problems(prior, left), persons_first(shares[..., left])
     moves_deg = noise * prior.noise_deg[part]
     told, straight = _if_straight(found, prior, part, S, eta, moves_deg)
@@ -90,8 +89,9 @@ def _if_moved(rows: Rows, part, prior: Prior, found: Posterior, eta, moves_deg):
     """Whose chain closes, and d, of each draw and its mirror image, which are fitted side by side."""
     count = len(prior.noise_deg)
     eta, moves = (np.append(one, -one, axis=1) for one in (eta, moves_deg / DEG))
-    several, again = np.append(part, part + count), np.tile(np.arange(count), 2)
-    twice, prior, start = repeated(rows, 2), take_problems(prior, again), np.tile(found.nearest.angles, 2)
+    again = np.tile(np.arange(count), 2)
+    twice, several = of_problems(rows, part, again)
+    prior, start = take_problems(prior, again), np.tile(found.nearest.angles, 2)
     twice, prior = twice._replace(angles=twice.angles + moves), prior._replace(numbers_mm=prior.numbers_at(eta))
     end = most_probable(twice, several, prior, found.u[:, again] - eta, start, _MOST_STEPS)
     d = end.u + eta - found.u[:, again]

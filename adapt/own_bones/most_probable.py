@@ -111,6 +111,12 @@ class Prior(NamedTuple):
         """Give R u."""
         return (persons_first(self.root_mm) @ persons_first(u)[..., None])[..., 0].T
 
+    def u_of(self, numbers_mm: Float[np.ndarray, "numbers problems"]) -> Float[np.ndarray, "n problems"]:
+        """Find u of the nearest numbers: the columns of R are orthogonal, some of them 0."""
+        squares = (self.root_mm**2).sum(axis=0)
+        along = np.einsum("kup,kp->up", self.root_mm, numbers_mm - self.numbers_mm)
+        return along / np.where(squares > 0.0, squares, np.inf)
+
 
 class Posterior(NamedTuple):
     """Where the steps ended."""
@@ -128,22 +134,23 @@ class Posterior(NamedTuple):
 
 
 def of_problems(rows: Rows, part: Int[np.ndarray, " rows"], problems) -> tuple[Rows, Int[np.ndarray, " some"]]:
-    """Take the rows of some problems, ascending, and say which of them each is of."""
-    mine = np.isin(part, problems)
-    some = Rows(rows.angles[:, mine], rows.measured[:, mine], rows.active_effects.at(np.flatnonzero(mine)))
-    return some, np.searchsorted(problems, part[mine])
+    """Take the rows of some problems, any as often as wanted, and say which of them each is of."""
+    at, number = _places(part, problems)
+    return Rows(rows.angles[:, at], rows.measured[:, at], rows.active_effects.at(at)), number
 
 
-def repeated(rows: Rows, times: int) -> Rows:
-    """Put the rows so many times one after the other."""
-    every = np.tile(np.arange(rows.angles.shape[1]), times)
-    return Rows(rows.angles[:, every], rows.measured[:, every], rows.active_effects.at(every))
-
-
-def take_found(found: Posterior, part: Int[np.ndarray, " rows"], problems: Bool[np.ndarray, " problems"]) -> Posterior:
-    """Take the ends of the chosen problems."""
-    nearest = take_problems(found.nearest, problems[part])
+def take_found(found: Posterior, part: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]) -> Posterior:
+    """Take the ends of some problems."""
+    nearest = take_problems(found.nearest, _places(part, problems)[0])
     return take_problems(found._replace(nearest=()), problems)._replace(nearest=nearest)
+
+
+def _places(part: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]):
+    """Find the rows of some problems, one problem's after the other, and which of them each is of."""
+    first = np.searchsorted(part, problems)
+    counts = np.searchsorted(part, problems, side="right") - first
+    number = np.repeat(np.arange(len(problems)), counts)
+    return np.arange(len(number)) + (first - (np.cumsum(counts) - counts))[number], number
 
 
 class _OfRows(NamedTuple):

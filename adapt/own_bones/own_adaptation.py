@@ -16,18 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from adapt.engine.batching import put_problems, take_problems
+from adapt.engine.batching import take_problems
 from adapt.own_bones.bent_valleys import covariance_of_u, overstated
+from adapt.own_bones.lowest_minimum import with_lowest_postures
 from adapt.own_bones.most_probable import (
     STARTS_MM,
     Posterior,
     Prior,
     Rows,
     most_probable,
-    of_problems,
-    repeated,
     staged,
-    take_found,
 )
 from adapt.own_bones.posture_steps import persons_first
 from adapt.own_bones.scales import (
@@ -36,7 +34,6 @@ from adapt.own_bones.scales import (
     Moments,
     Scales,
     are_known,
-    informative,
     learnt,
     moments,
     relative_variances,
@@ -71,23 +68,9 @@ _GROUPS = 6
 _MOST_PERSONS = 100
 """Of more a sample is learnt from: a hundred tell a scale to some 3 %."""
 
-_AS_GOOD_AS_NOISE = 1.3
-"""Times the F that noise alone leaves."""
-
 _LEARNING_STEPS, _NOISE_ROUNDS = 30, 5
 """Scales are learnt from closed chains, where so many steps lead, at an optimum or not: y has what is open, and its
 slopes. Most rounds of a noise."""
-
-_FIRST_STEPS = 160
-"""Of the first start. Where a posture on the way is as far as its chain reaches, A1-A3 have no slope there: the steps
-leave the valley and wander; other starts do not. Of 604 problems of measured and simulated subjects with six sets one
-ends elsewhere for it."""
-
-_POSTURE_ROUNDS = 4
-"""A person with a posture in the higher of two local minima goes on from the lower one."""
-
-_LOWER_DEG2 = 1e-6
-"""A fresh posture fit lower by less than this is the same one."""
 
 _RANK = 1e-12
 """Variance, relative to the largest, below which the prior holds a direction at the set's."""
@@ -311,14 +294,16 @@ def adapt_own_bones(
     scales: Sequence[Scales],
     weight: float,
     unsure: Unsure | None = None,
+    kin: Int[np.ndarray, " problems"] | None = None,
 ) -> tuple[Problems, Adapted, OwnBones]:
     """Find the most probable girdle of each problem: the problems with that girdle, the adaptation and the sizes.
 
-    ``unsure``: what the covariance of the sizes is less sure of than the slopes say; without it, nothing.
+    ``unsure``: what the covariance of the sizes is less sure of than the slopes say; without it, nothing. ``kin``: a
+    number that problems with other postures of the same person share; without it, each is of another person.
     """
     rows, part, posture = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
-    found = _with_lowest_postures(rows, part, prior)
+    found = with_lowest_postures(rows, part, prior, np.arange(len(scales)) if kin is None else kin)
     own, moved_mm = _own_bones(spread, scales, prior, shares, found, part, unsure or Unsure.nothing(len(scales)))
     girdle = Girdle.of_numbers(np.asarray(data.girdle.numbers_mm) + moved_mm)
     data = replace(data, girdle=girdle)
@@ -378,60 +363,6 @@ def _prior(
 
 def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
     return np.stack([one.of_sizes for one in scales], axis=-1)
-
-
-def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
-    """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
-    first = staged(rows, part, prior, STARTS_MM[0])
-    found = most_probable(rows, part, prior, *first, _FIRST_STEPS)
-    allowed = _AS_GOOD_AS_NOISE * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
-    _with_other_starts(found, rows, part, prior, np.flatnonzero(~found.settled | (allowed < found.F)))
-    lost = np.flatnonzero(~found.settled)
-    if len(lost):  # no start has led anywhere: the first goes on
-        some, number = of_problems(rows, part, lost)
-        u, angles = first[0][:, lost], first[1][:, np.isin(part, lost)]
-        _put(found, part, lost, most_probable(some, number, take_problems(prior, lost), u, angles))
-    return found
-
-
-def _with_other_starts(found: Posterior, rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, left) -> None:
-    """Put what other starts of the problems ``left`` lead to in its place, where it is lower."""
-    if not len(left):
-        return
-    (some, number), prior = of_problems(rows, part, left), take_problems(prior, left)
-    starts = [staged(some, number, prior, slacks_mm) for slacks_mm in STARTS_MM[1:]]
-    u, angles = (np.concatenate(one, axis=1) for one in zip(*starts, strict=True))
-    again = np.tile(np.arange(len(left)), len(starts))  # side by side: few are left at the end of each
-    several = np.repeat(np.arange(len(starts)), len(number)) * len(left) + np.tile(number, len(starts))
-    every = most_probable(repeated(some, len(starts)), several, take_problems(prior, again), u, angles)
-    for k in range(len(starts)):
-        other = take_found(every, several, np.arange(len(again)) // len(left) == k)
-        lower = other.settled & (~found.settled[left] | (found.F[left] > other.F))
-        _put(found, part, left[lower], take_found(other, number, lower))
-
-
-def _with_lowest_postures(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
-    """The most probable girdles, and again from where a posture fits better elsewhere."""
-    found, left = _from_starts(rows, part, prior), np.arange(len(prior.noise_deg))
-    for _ in range(_POSTURE_ROUNDS):
-        some, number = of_problems(rows, part, left)
-        girdle = Girdle.of_numbers(prior.numbers_at(found.u)[:, left[number]])
-        fresh = fit_batch(some.active_effects.on(girdle), some.angles, some.measured)
-        near = take_problems(found.nearest, np.isin(part, left))
-        lower = fresh.converged & (fresh.j_deg2 * some.measured.sum(axis=0) < (near.y**2).sum(axis=0) - _LOWER_DEG2)
-        again = np.unique(number[lower])
-        if not len(again):
-            break
-        left, start = left[again], np.where(lower, fresh.angles, near.angles)[:, np.isin(number, again)]
-        some, number = of_problems(rows, part, left)
-        _put(found, part, left, most_probable(some, number, take_problems(prior, left), found.u[:, left], start))
-    return found
-
-
-def _put(found: Posterior, part: Int[np.ndarray, " rows"], problems, other: Posterior) -> None:
-    """Put the other ends of these problems in their places."""
-    put_problems(found.nearest, np.flatnonzero(np.isin(part, problems)), other.nearest)
-    put_problems(found._replace(nearest=()), problems, other._replace(nearest=()))  # pyright: ignore[reportArgumentType]
 
 
 def _own_bones(
