@@ -8,6 +8,7 @@ import math
 import os
 import re
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,9 @@ FLATTEST_SCAPULA_MM = 1.0
 
 SAME_LENGTH_MM = 0.1
 """``clavicle.ac_mm`` is as long as ``clavicle.length_mm``: both may be rounded to tenths."""
+
+ADAPTED_TO = "adapted to "
+"""Begins the source of a number that was adapted."""
 
 SIZES_MM = {
     "clavicle.sc_mm": (4.0, 60.0),
@@ -168,15 +172,15 @@ def parameter_set(document: dict[str, Any], file: str) -> ParameterSet:
     _check_keys(document, file)
     given = _NUMBERS | ({} if "ac_mm" not in document["clavicle"] else _OWN_AC)
     numbers = {key: _array(file, key, _value(document, key), kind) for key, kind in given.items()}
-    widths = _half_widths_mm(document, file)
-    _check_geometry(numbers, file)
+    widths, source = _half_widths_mm(document, file), _source(document, file)
+    _check_geometry(numbers, source, file)
     girdle = _girdle(numbers)
     return ParameterSet(
         name=_name(document, file),
         girdle=girdle,
         points_mm=numbers["thorax.points_mm"].T,
         bounds_mm=_bounds_mm(np.asarray(girdle.adapted_mm), widths),
-        source=_source(document, file),
+        source=source,
     )
 
 
@@ -286,8 +290,9 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _check_geometry(numbers: dict[str, np.ndarray], file: str) -> None:
-    """What no girdle is. A conoid that closes in no posture is one: its postures come out unreachable."""
+def _check_geometry(numbers: dict[str, np.ndarray], source: Mapping[str, str], file: str) -> None:
+    """What no girdle is. A conoid that closes in no posture is one: its postures come out unreachable. A bone that was
+    adapted may be as small as nobody's: that is said where it is adapted, and is no other unit."""
     _check_unit(numbers["thorax.semi_axes_mm"], file)
     for key in ("thorax.semi_axes_mm", "clavicle.length_mm", "constraint.conoid_length_mm"):
         _check_length(key, float(np.min(numbers[key])), file)
@@ -303,7 +308,8 @@ def _check_geometry(numbers: dict[str, np.ndarray], file: str) -> None:
         cause = f"clavicle.length_mm is {length_mm:g}, and clavicle.ac_mm another length from SC"
         raise InputError(file, None, cause, "Make ac_mm as long as length_mm, or leave it out: AC is on the axis then")
     for key, limits_mm in SIZES_MM.items():
-        _check_size(key, numbers[key], limits_mm, file)
+        if not source.get(key, "").startswith(ADAPTED_TO):
+            _check_size(key, numbers[key], limits_mm, file)
     _check_axes(float(numbers["thorax.semi_axes_mm"][0]), file)
     _check_sides(numbers, file)
     _check_centre(numbers["thorax.centre_mm"], numbers["thorax.semi_axes_mm"], file)

@@ -18,6 +18,7 @@ from adapt.tables.results import OWN_WORD
 from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, HALF_WIDTHS_MM
 from models.export.toml import parameters_toml
 from models.girdle import Girdle
+from models.parameter_sets import ADAPTED_TO
 from models.person.family import AnyModel
 from models.person.own_bones import NO_SDS, SIZES, with_own_sizes
 from motions.files import file_names, printable
@@ -96,11 +97,11 @@ def adapted_toml(
     girdle = (with_own_sizes(own, own_sizes) if own_sizes else own).with_adapted(theta_mm)
     source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
     for key in _OWN_KEYS if own_sizes else ():
-        source[key] = f"adapted to {subject}, from {model.name} ({how})"
+        source[key] = f"{ADAPTED_TO}{subject}, from {model.name} ({how})"
     for key, names in _KEY_OF.items():
         bound = ", ".join(name for name in names if at_bound[name])
         flag = f"; at its bound: {bound}" if bound else ""
-        source[key] = f"adapted to {subject}, from {model.name} ({how}){flag}"
+        source[key] = f"{ADAPTED_TO}{subject}, from {model.name} ({how}){flag}"
     comment = (
         f"{model.name} adapted to {subject}.\n"
         "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."

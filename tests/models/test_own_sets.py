@@ -332,6 +332,13 @@ def test_an_adapted_girdle_is_read_back_as_it_was_written(tmp_path):
     assert again.source == {"clavicle.ac_mm": "adapted"}
 
 
+def test_a_bone_that_was_adapted_may_be_as_small_as_nobodys(tmp_path):
+    of_nobody = "length_mm = 158", "length_mm = 15.8"
+    tail = '[source]\n"clavicle.length_mm" = "adapted to S01, from R2 (w = 10)"\n'
+    assert load_model(own(tmp_path, *of_nobody, tail=tail)).girdle.ac_mm[0] == 15.8
+    assert "less than in any person" in refusal(own(tmp_path, *of_nobody)).cause
+
+
 def test_a_joint_that_is_not_where_the_clavicle_ends_is_refused(tmp_path):
     error = refusal(own(tmp_path, "length_mm = 158", "length_mm = 158\nac_mm = [150.0, 4.0, -5.0]"))
     assert "clavicle.length_mm is 158, and clavicle.ac_mm another length from SC" in error.cause

@@ -16,12 +16,15 @@ from scipy.optimize import minimize_scalar
 from adapt import adapt_subjects, fit_postures
 from adapt.api import Adaptations
 from adapt.evaluation import own_or_plain
-from adapt.own_bones import own_adaptation
+from adapt.evaluation.held_out import adapt_with_folds
+from adapt.own_bones import lowest_minimum
 from adapt.own_bones.own_adaptation import People
 from adapt.own_bones.scales import (
     Scales,
 )
 from adapt.solvers.objective import WEIGHT
+from adapt.solvers.rows import posture_rows
+from adapt.tables.folds import motions_and_thirds
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects.amplitudes import PersonalSize
@@ -329,11 +332,25 @@ def test_an_sd_that_is_none_is_refused(shipped, sds, cause, remedy):
     assert remedy in caught.value.remedy
 
 
+def test_parts_are_started_where_others_of_the_person_ended(shipped, monkeypatch):
+    """None ends higher for it, and some a hundredth lower."""
+
+    def E_of_parts() -> np.ndarray:
+        rows, folds = posture_rows(shipped), motions_and_thirds(shipped)
+        return adapt_with_folds(rows, [load_model("breteler_dissection")], folds, people=people()).held_out.adapted.E
+
+    with_others = E_of_parts()
+    monkeypatch.setattr(lowest_minimum, "_with_starts_of_kin", lambda *_: None)
+    alone = E_of_parts()
+    assert (with_others <= alone * (1.0 + SAME)).all()
+    assert (with_others < 0.99 * alone).any()
+
+
 def test_a_first_start_that_no_other_helps_goes_on_to_its_end(world, monkeypatch):
     """Cut short after a step, it ends where it ends in one go."""
-    monkeypatch.setattr(own_adaptation, "_with_other_starts", lambda *_: None)
+    monkeypatch.setattr(lowest_minimum, "_keep_lower", lambda *_: None)
     in_one_go = adapted(world.motions).adapted["R2"]
-    monkeypatch.setattr(own_adaptation, "_FIRST_STEPS", 1)
+    monkeypatch.setattr(lowest_minimum, "_FIRST_STEPS", 1)
     found = adapted(world.motions).adapted["R2"]
     assert (found.status == "ok").all()
     np.testing.assert_allclose(found.E, in_one_go.E, rtol=SAME)
