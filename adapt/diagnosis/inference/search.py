@@ -251,13 +251,14 @@ class Search:
 
     def run(self) -> "Search":
         """Search from what is known, and beside it from each effect whose size has been measured: as if noise alone
-        were left, as large as what is not smooth along the motions; again with what the best set leaves; and around
-        the best sets with what the best of these leaves, until it is the same."""
+        were left, as large as all that nothing explains where nothing is named; again with what the best set leaves;
+        and around the best sets with what the best of these leaves, until it is the same."""
         first = self.fit(self.known, None)
         smooth = likeliest(self.joint, first.posterior)
         noise = smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
         self._place_landmarks(first, noise)
-        self._believe([Belief("noise", noise)])
+        white_deg = float(np.sqrt(noise.noise_deg**2 + smooth.smooth_deg2))  # with less, modes take many more steps
+        self._believe([Belief("noise", noise._replace(noise_deg=white_deg))])
         self._beams()
         self._learn(self.best, smooth)
         self._beams()
