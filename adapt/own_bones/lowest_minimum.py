@@ -87,14 +87,14 @@ def _with_starts_of_kin(found: Posterior, rows: Rows, part: Int[np.ndarray, " ro
     """Start the problems ``left`` from the girdles of their kin with the lowest F."""
     of_left, other = np.nonzero((kin[left, None] == kin) & (left[:, None] != np.arange(len(kin))) & found.settled)
     u = take_problems(prior, left[of_left]).u_of(prior.numbers_at(found.u)[:, other])
-    apart = np.abs(u - found.u[:, left[of_left]]).max(axis=0) > _APART_SDS
+    apart = ~(np.abs(u - found.u[:, left[of_left]]).max(axis=0) <= _APART_SDS)  # nor where that is no number
     problems, u = left[of_left[apart]], u[:, apart]
     if not len(problems):
         return
     (some, number), own = of_problems(rows, part, problems), take_problems(prior, problems)
     numbers, measured = own.numbers_at(u)[:, number], (some.active_effects, some.angles, some.measured)
     y = nearest_by_numbers(numbers, *measured, some.angles).y
-    F = np.bincount(number, (y**2).sum(axis=0)) + own.noise_deg**2 * (u**2).sum(axis=0)
+    F = np.bincount(number, (y**2).sum(axis=0), len(problems)) + own.noise_deg**2 * (u**2).sum(axis=0)
     order = np.lexsort((F, problems))  # of a problem, the lowest first
     rank = np.arange(len(order)) - np.searchsorted(problems, problems)
     chosen = np.sort(order[(rank < _MOST_KIN) & np.isfinite(F[order])])
