@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.differentiable.closest_posture import PostureFit, Postures, distances_mm, fit_from, target
-from adapt.differentiable.constrained_optimum import NEAR, SOFTLY, following, reached
+from adapt.differentiable.constrained_optimum import NEAR, SOFTLY, following, reached, sum_of_squares
 from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
@@ -141,7 +141,7 @@ def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None,
     return AdaptedSubject(
         theta_mm=adapted.adapted_mm,
         free=beyond[: len(ADAPTED)] == 0.0,  # sizes have no bounds
-        E=sum(jnp.sum(r**2) for r in problem.residuals(theta, x[1][:6])),
+        E=sum_of_squares(problem, x),
         D_mm2=jnp.mean(distances_mm(adapted, points_mm) ** 2),
         mean_j_deg2=jnp.sum(fits.j_deg2) / jnp.sum(counts > 0),
         postures=fits,

@@ -110,14 +110,20 @@ class _LevenbergMarquardt(optimistix.LevenbergMarquardt):
         self.descent = _Descent()  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def sum_of_squares(problem, x: tuple[Array, Array]) -> Array:
+    """Compute |r|^2."""
+    theta, own = x
+    of_theta, of_each = problem.residuals(theta, own[:6])
+    return jnp.sum(of_theta**2) + jnp.sum(of_each**2)
+
+
 @jax.jit
 def _gradient(problem, x: tuple[Array, Array]) -> tuple[Array, Array]:
     """d/dx (|r|^2 + lambda' g)"""
 
     def lagrangian(x):
         theta, own = x
-        squares = jax.tree.map(lambda r: jnp.sum(r**2), problem.residuals(theta, own[:6]))
-        return sum(squares) + jnp.sum(own[6:] * problem.constraints(theta, own[:6]))
+        return sum_of_squares(problem, x) + jnp.sum(own[6:] * problem.constraints(theta, own[:6]))
 
     return jax.grad(lagrangian)(x)
 
@@ -172,8 +178,7 @@ def reached(problem, start: tuple[Array, Array], slacks: Array) -> tuple[tuple[A
     multipliers = 2.0 * problem.constraints(theta, q) / slacks[-1] ** 2
     first = (theta, jnp.concatenate([q, multipliers])), jnp.inf, 0
     x, longest, _ = jax.lax.while_loop(lambda state: (state[1] > _SETTLED) & (state[2] < _MOST_ROUNDS), newton, first)
-    E = sum(jnp.sum(r**2) for r in problem.residuals(x[0], x[1][:6]))
-    return x, beyond, jnp.where(longest <= _SETTLED, E, jnp.inf)
+    return x, beyond, jnp.where(longest <= _SETTLED, sum_of_squares(problem, x), jnp.inf)
 
 
 @jax.custom_jvp

@@ -98,10 +98,8 @@ def _with_starts_of_kin(found: Posterior, rows: Rows, part: Int[np.ndarray, " ro
     order = np.lexsort((F, problems))  # of a problem, the lowest first
     rank = np.arange(len(order)) - np.searchsorted(problems, problems)
     chosen = np.sort(order[(rank < _MOST_KIN) & np.isfinite(F[order])])
-    problems = problems[chosen]
-    _keep_lower(
-        found, rows, part, prior, problems, u[:, chosen], of_problems(rows, part, problems)[0].angles, _KIN_STEPS
-    )
+    angles = some.angles[:, np.isin(number, chosen)]
+    _keep_lower(found, rows, part, prior, problems[chosen], u[:, chosen], angles, _KIN_STEPS)
 
 
 def _keep_lower(
