@@ -42,9 +42,9 @@ HEAT = "document.querySelector('#heat-maps .figure').data[0]"
 
 TURNED = f"(before) => ['x', 'y', 'z'].some((axis) => Math.abs({EYE}[axis] - before[axis]) > 0.1)"
 
-DRAGS = 5
+DRAGS = 20
 
-DRAG_MS = 10_000
+DRAG_MS = 1_000
 """Time for a drag to be seen."""
 
 LEAST_CONTRAST = 4.5
