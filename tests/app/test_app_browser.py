@@ -128,6 +128,9 @@ def test_from_files_to_a_report_and_a_zip(page, tmp_path):
     expect(page.get_by_role("row", name="P07")).to_contain_text("20 to 120")
     expect(page.get_by_text("The axial rotation of the clavicle is an estimate")).to_be_visible()
 
+    own_bones = page.get_by_role("checkbox", name="own bones")
+    own_bones.click()
+    expect(own_bones).to_be_checked()
     page.get_by_role("button", name="Adapt", exact=True).click()
     report = page.frame_locator("iframe.report")
     report.locator(DRAWN).wait_for()
@@ -137,7 +140,9 @@ def test_from_files_to_a_report_and_a_zip(page, tmp_path):
     with ZipFile(download.value.path()) as archive:
         names = archive.namelist()
         assert {"files.csv", "map.toml", "uploads/001.csv", "adapt/report.html", "adapt/models/R2_P07.toml"} <= {*names}
-        assert b"P07" in archive.read("adapt/parameters.csv")
+        header, *rows = archive.read("adapt/parameters.csv").decode().splitlines()
+        assert "clavicle_length" in header
+        assert any("P07" in row for row in rows)
     page.set_viewport_size(PHONE)
     width, inner = page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
     assert width <= inner

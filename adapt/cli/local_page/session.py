@@ -122,11 +122,13 @@ class Session:
         """Put the browser's names of files into a message."""
         return with_own_names(text.replace(f"{self.folder}{os.sep}", ""), self.files)
 
-    async def run(self, command: str, models: Sequence[str], progress: Callable[[str], None]) -> Ended:
-        """Run ``girdle adapt`` or ``girdle diagnose`` on the motions that were read."""
+    async def run(self, command: str, models: Sequence[str], own_bones: bool, progress: Callable[[str], None]) -> Ended:
+        """Run ``girdle adapt``, or ``girdle diagnose``, which has own bones anyway, on the motions that were read."""
         shutil.rmtree(self.folder / command, ignore_errors=True)
         files = [one.motions for one in self.files if one.read]
         chosen = [f"--model={name}" for name in models]
+        if own_bones and command == "adapt":
+            chosen.append("--own-bones")
         ended = await self.children.girdle([command, *files, *chosen, f"--out={command}"], progress)
         if not ended.useful:
             shutil.rmtree(self.folder / command, ignore_errors=True)

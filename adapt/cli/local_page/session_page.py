@@ -78,6 +78,7 @@ class SessionPage:
         """Begin with nothing read."""
         self.session = session
         self.models = [FIRST_MODEL]
+        self.own_bones = False
         self.busy = ""
         self.since = 0.0
         self.errors: list[str] = []
@@ -307,6 +308,10 @@ class SessionPage:
         ui.select(
             list(model_names()), multiple=True, value=self.models, label="Parameter sets", on_change=self._chosen
         ).props("use-chips").style("max-width: 34rem")
+        ui.checkbox("Adapt each person's own bones too").bind_value(self, "own_bones")
+        ui.label("Predicts a person's motion better. Without it six numbers are adapted, as in the thesis.").classes(
+            "soft"
+        )
         with ui.row().classes("items-center"):
             for text, commands in (("Adapt", COMMANDS[:1]), ("Adapt and diagnose", COMMANDS)):
                 ui.button(text, on_click=partial(self._run, commands)).props("no-caps").set_enabled(
@@ -338,7 +343,7 @@ class SessionPage:
         for command in commands:
             self.busy, self.since = command, time.monotonic()
             self._refresh()
-            ended = await self.session.run(command, self.models, self._stage)
+            ended = await self.session.run(command, self.models, self.own_bones, self._stage)
             self.busy = ""
             if not ended.useful or ended.said:
                 self.outcome.append(f"{TITLES[command]}: {self.session.named(ended.message)}")
