@@ -52,7 +52,7 @@ SENTENCES = {
         "ac_translation, scapulothoracic_gap, clavicle_length, scapula_size and clavicle_frame_bias",
     ),
     "nothing": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions goes from 0.5 to 0.5"),
-    "outside": OWN.format("No candidate predicts more: the gap of 6 shoulders", "motions goes from 2.8 to 2.8"),
+    "outside": OWN.format("No listed cause explains the rest: the gap of 6 shoulders", "motions goes from 2.8 to 2.8"),
     "lone": BEYOND.format("postures shrinks from 1.8 to 0.7", "scapula_landmark_bias"),
     "untested": OWN.format("One motion of one person cannot show a cause: the gap", "postures goes from 2.6 to 0.7"),
     "blind": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions goes from - to -"),

@@ -60,7 +60,7 @@ def _without_cause(diagnosis: Diagnosis) -> str:
         return f"One motion of one person cannot show a cause: the gap {end}"
     if diagnosis.verdict.answer == NONE:
         return f"People differ, nothing else shows: the gap of {subjects} {end}"
-    return f"No candidate predicts more: the gap of {subjects} {end}"
+    return f"No listed cause explains the rest: the gap of {subjects} {end}"
 
 
 def number(value: float | None, coarse: float | None = None) -> str:
