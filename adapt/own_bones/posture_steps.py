@@ -16,6 +16,7 @@ from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
 from adapt.solvers.newton.elimination import RANGE_SPACE_PENALTY
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, channels, digest, with_effects
+from adapt.solvers.projection.symmetric_solve import symmetric_solve
 from models.effects import Effect
 from models.girdle import COUNT_OF_NUMBERS, Girdle
 from motions.arrays import Array
@@ -92,7 +93,7 @@ def _elimination_kernel(effects: tuple[Effect, ...]) -> Kernel:
     def function(numbers, strengths, q, multipliers, s, weights):
         at = _conditions(effects, numbers, strengths, q, multipliers, s, weights)
         rho, tau = at.g - at.G @ at.K_right, at.T - at.G @ at.K_C
-        of_S = _solved(at.G @ at.K_G, jnp.concatenate([rho[:, None], tau], axis=1))[0]
+        of_S = symmetric_solve(at.G @ at.K_G, jnp.concatenate([rho[:, None], tau], axis=1))[0]
         slope = tau.T @ of_S[:, 0] - at.T.T @ (at.stiffness * at.g) - at.C.T @ at.K_right
         M = at.U - at.C.T @ at.K_C + tau.T @ of_S[:, 1:] - (at.T.T * at.stiffness) @ at.T
         entries = jnp.concatenate([M[i, : i + 1] for i in range(_N)])
@@ -141,7 +142,7 @@ def _conditions(effects, numbers, strengths, q, multipliers, s, weights) -> _Con
     stiffness = RANGE_SPACE_PENALTY * largest / jnp.sum(G * G, axis=1)
     W, stiff, right = jnp.eye(6) * weights, (G.T * stiffness) @ G, weights * (q - s)
     sides = jnp.concatenate([G.T, C, right[:, None]], axis=1)
-    solved, pivot = _solved(H[:6, :6] + W + stiff, sides)
+    solved, pivot = symmetric_solve(H[:6, :6] + W + stiff, sides)
     convex = pivot > _PIVOT_FLOOR * largest
     plain = sides / weights[:, None]
     solved, C, U, stiffness = (
@@ -150,20 +151,3 @@ def _conditions(effects, numbers, strengths, q, multipliers, s, weights) -> _Con
     )
     K_C = jnp.where(convex, solved[:, 3:-1], 0.0)
     return _Conditions(value, G, T, C, U, stiffness, right, solved[:, :3], K_C, solved[:, -1])
-
-
-def _solved(A: Float[Array, "n n"], B: Float[Array, "n m"]) -> tuple[Float[Array, "n m"], Array]:
-    """A^-1 B of a symmetric A by L D L', written out, and the smallest pivot."""
-    n = len(A)
-    L, D = [[jnp.zeros(())] * n for _ in range(n)], []
-    for j in range(n):
-        D.append(A[j, j] - sum((L[j][k] ** 2 * D[k] for k in range(j)), jnp.zeros(())))
-        for i in range(j + 1, n):
-            L[i][j] = (A[i, j] - sum((L[i][k] * L[j][k] * D[k] for k in range(j)), jnp.zeros(()))) / D[j]
-    x = [B[i] for i in range(n)]
-    for i in range(n):
-        x[i] = x[i] - sum((L[i][j] * x[j] for j in range(i)), jnp.zeros(()))
-    x = [one / d for one, d in zip(x, D, strict=True)]
-    for i in reversed(range(n)):
-        x[i] = x[i] - sum((L[j][i] * x[j] for j in range(i + 1, n)), jnp.zeros(()))
-    return jnp.stack(x), functools.reduce(jnp.minimum, D)

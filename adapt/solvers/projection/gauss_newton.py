@@ -122,13 +122,17 @@ class Objective:
         rows = groups[self.parts.group][self.parts.part]
         return Objective(self.parts.of(groups), self.shared.of(groups, rows))
 
+    def strengths(self, a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "channels rows"]:
+        """Give the strengths of the effects in all rows."""
+        strengths = self.parts.strengths
+        if not self._places.size:
+            return strengths
+        own = (a[:, self._group] * self.shared.columns).ravel()
+        return strengths + np.bincount(self._places.ravel(), own, strengths.size).reshape(strengths.shape)
+
     def nearest(self, theta, a, start, there=THERE) -> Nearest:
         """Find the nearest postures of all rows."""
-        parts, strengths = self.parts, self.parts.strengths
-        if self._places.size:
-            own = (a[:, self._group] * self.shared.columns).ravel()
-            strengths = strengths + np.bincount(self._places.ravel(), own, strengths.size).reshape(strengths.shape)
-        return parts.nearest(theta, strengths, start, there)
+        return self.parts.nearest(theta, self.strengths(a), start, there)
 
     def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
         """Evaluate it: nearest postures, with slopes in the amplitudes in place of channels, E of every part, and D

@@ -16,7 +16,9 @@ from jaxtyping import Bool, Float
 
 from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
+from adapt.solvers.newton.elimination import RANGE_SPACE_PENALTY
 from adapt.solvers.newton.postures import GIRDLE
+from adapt.solvers.projection.symmetric_solve import symmetric_solve
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects, AnyGirdle, Effect
@@ -140,6 +142,26 @@ def strengths_rows(active_effects: ActiveEffects, rows: int) -> Float[np.ndarray
     return np.concatenate(active_effects.strengths) if active_effects.effects else np.zeros((NO_CHANNELS, rows))
 
 
+def with_whole_slopes(
+    girdle: Girdle,
+    effects: tuple[Effect, ...],
+    strengths: Float[np.ndarray, "channels rows"],
+    angles: Float[np.ndarray, "6 rows"],
+    measured: Bool[np.ndarray, "6 rows"],
+    near: Nearest,
+    unmeasured_sd: float = UNMEASURED_SD,
+) -> Nearest:
+    """Compute the whole slopes of y: those of ``nearest_postures`` are at postures that stay.
+
+    |y|^2 does not notice (envelope theorem), but where what is left of the rows is correlated its square does.
+    """
+    sd = sd_rad(measured, unmeasured_sd)
+    at, rows = (girdle, girdle.adapted_mm, strengths, angles, sd, near.angles), angles.shape[1]
+    kernel = _slopes_kernel(effects)  # of one component: machine code of all three takes thrice as long to make
+    T, C = zip(*(kernel(*at, np.repeat(one[:, None], rows, axis=1)) for one in np.eye(3)), strict=True)
+    return near._replace(by_theta=np.stack(T), by_channel=np.stack(C))
+
+
 def closed(
     girdle: Girdle,
     effects: tuple[Effect, ...],
@@ -167,6 +189,18 @@ def _nearest_kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> K
     name = f"nearest_{'known_' * strengths_are_known}{digest(effects, nearest, (len(ADAPTED), count, 6, 6, 6, ()))}"
     outputs = "6", "3", "18", "3", "3", str(3 * len(ADAPTED)), *([] if strengths_are_known else [str(3 * count)])
     return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
+
+
+@functools.cache
+def _slopes_kernel(effects: tuple[Effect, ...]) -> Kernel:
+    count = channels(effects)[-1] or NO_CHANNELS
+
+    def slopes(girdle: Girdle, theta_mm, strengths, s, sd, x, weights):
+        return _whole_slopes(_constraints(effects, girdle, strengths), (theta_mm, strengths), s, sd, x, weights)
+
+    name = f"slopes_{digest(effects, slopes, (len(ADAPTED), count, 6, 6, 6, 3))}"
+    inputs = GIRDLE, str(len(ADAPTED)), str(count), "6", "6", "6", "3"
+    return Kernel(name, per_problem(slopes), inputs, (str(len(ADAPTED)), str(count)), _CHUNK)
 
 
 @functools.cache
@@ -261,6 +295,38 @@ def _nearest(g, at, s, sd, start, there):
     y = root @ (value + G @ (s - x))
     B, *slopes = ((root @ one).ravel() for one in (G, *slopes))
     return x, y, B, value, root.T @ y, *slopes
+
+
+def _whole_slopes(g, at, s, sd, x, weights):
+    """Slopes of weights' y (inputs) in each of ``at`` as the nearest posture follows, of one row.
+
+    x is where S^-2 (x - s) + G' h = 0 and g = 0. With K the curvature of the first in x, and (a, b) the solution of
+    K a + G' b = y_x' weights, G a = 0, the slopes are those of weights' y - h' G a - b' g at an x that stays.
+    """
+
+    def along_weights(x, *at):
+        value, pull = jax.vjp(lambda x: g(x, *at), x)
+        G = jax.vmap(lambda one: pull(one)[0])(jnp.eye(3))
+        GS = G * sd
+        root = _inverse_root(GS @ GS.T)
+        y = root @ (value + G @ (s - x))
+        return weights @ y, (G, root.T @ y)
+
+    _, pull, (G, h) = jax.vjp(along_weights, x, *at, has_aux=True)
+    of_x, *of_at = pull(jnp.ones(()))
+    W = 1.0 / (sd * sd)
+    stiffness = RANGE_SPACE_PENALTY * jnp.max(W) / jnp.sum(G * G, axis=1)
+    K = jax.jacfwd(jax.grad(lambda x: h @ g(x, *at)))(x) + jnp.eye(6) * W + (G.T * stiffness) @ G
+    solved = symmetric_solve(K, jnp.concatenate([G.T, of_x[:, None]], axis=1))[0]
+    b = symmetric_solve(G @ solved[:, :3], G @ solved[:, 3:])[0][:, 0]
+    a = solved[:, 3] - solved[:, :3] @ b
+
+    def held(*at):
+        value, along = jax.jvp(lambda x: g(x, *at), (x,), (a,))
+        return h @ along + b @ value
+
+    follows = jax.grad(held, argnums=tuple(range(len(at))))(*at)
+    return tuple(one - two for one, two in zip(of_at, follows, strict=True))
 
 
 def _part_of(along, step_before, along_before, sd):

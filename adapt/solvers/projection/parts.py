@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems
-from adapt.solvers.projection.nearest_posture import THERE, Nearest, nearest_postures
+from adapt.solvers.projection.nearest_posture import THERE, Nearest, nearest_postures, with_whole_slopes
 from adapt.solvers.projection.thorax_term import Thorax
 from adapt.solvers.unmeasured import UNMEASURED_SD
 from models.effects import Effect
@@ -105,6 +105,11 @@ class Parts:
             there,
             self.unmeasured_sd,
         )
+
+    def with_whole_slopes(self, theta_mm, strengths, near: Nearest) -> Nearest:
+        """Replace the slopes of y by those that follow the nearest postures."""
+        girdle = self._girdle_of_rows.with_adapted(theta_mm[:, self.part])
+        return with_whole_slopes(girdle, self.effects, strengths, self.angles, self.measured, near, self.unmeasured_sd)
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":
         """Take some groups."""
