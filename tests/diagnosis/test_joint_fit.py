@@ -113,6 +113,42 @@ _open_mm = few_runs(lambda q_deg, chain: chain.residuals_mm(q_deg / DEG))
 _slopes = few_runs(jax.jacobian(lambda q_deg, chain: chain.residuals_mm(q_deg / DEG)))
 
 
+def test_the_whole_slopes_of_y_are_differences():
+    """The nearest posture follows; at one that stays the slopes are off by some percent."""
+    joint = joint_fit("scapulothoracic_gap")
+    parts, theta = joint._parts, joint.from_starts().theta_mm
+    strengths = 2.0 * np.random.default_rng(5).standard_normal(parts.strengths.shape)
+    near = parts.nearest(theta, strengths)
+    whole = parts.with_whole_slopes(theta, strengths, near)
+
+    def differences(in_theta, in_strengths, step):
+        ends = (parts.nearest(theta + k * in_theta, strengths + k * in_strengths, near.angles).y for k in (step, -step))
+        return (next(ends) - next(ends)) / (2.0 * step)
+
+    for k in range(len(theta)):
+        seen = differences(np.eye(len(theta))[k][:, None], 0.0, STEP_MM)
+        assert (
+            relative(whole.by_theta[:, k], seen)
+            < SAME_SLOPES
+            < 100.0 * SAME_SLOPES
+            < relative(near.by_theta[:, k], seen)
+        )
+    for k in range(len(strengths)):
+        seen = differences(0.0, np.eye(len(strengths))[k][:, None], STEP_MM)
+        assert relative(whole.by_channel[:, k], seen) < SAME_SLOPES
+
+
+STEP_MM = 1e-3
+
+SAME_SLOPES = 1e-6
+"""Relative; central differences of nearest postures that are known to 1e-11 of a degree."""
+
+
+def relative(found, expected) -> float:
+    """The mean difference, of the mean size."""
+    return np.abs(found - expected).mean() / max(np.abs(expected).mean(), 1e-9)
+
+
 def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
     joint = joint_fit("scapulothoracic_gap")
     name = "scapulothoracic_gap"

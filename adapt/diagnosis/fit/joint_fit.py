@@ -170,8 +170,10 @@ class JointFit:
         theta_mm: Float[np.ndarray, "parts adapted"],
         amplitudes: Sequence[Float[np.ndarray, " own"]],
     ) -> Nearest:
-        """Find the nearest postures of all rows with the hypothesis and the amplitudes of each group."""
-        return self._parts.nearest(theta_mm.T, self._strengths(hypotheses, amplitudes))
+        """Find the nearest postures of all rows with the hypothesis and the amplitudes of each group, with the whole
+        slopes."""
+        strengths = self._strengths(hypotheses, amplitudes)
+        return self._parts.with_whole_slopes(theta_mm.T, strengths, self._parts.nearest(theta_mm.T, strengths))
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
         """Give E of hypotheses side by side; this fit has one group."""

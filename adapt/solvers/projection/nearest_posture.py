@@ -321,11 +321,10 @@ def _whole_slopes(g, at, s, sd, x, weights):
     b = symmetric_solve(G @ solved[:, :3], G @ solved[:, 3:])[0][:, 0]
     a = solved[:, 3] - solved[:, :3] @ b
 
-    def held(*at):
-        value, along = jax.jvp(lambda x: g(x, *at), (x,), (a,))
-        return h @ along + b @ value
+    def slopes(x, h):
+        return jax.grad(lambda at: h @ g(x, *at))(at)
 
-    follows = jax.grad(held, argnums=tuple(range(len(at))))(*at)
+    _, follows = jax.jvp(slopes, (x, h), (a, b))
     return tuple(one - two for one, two in zip(of_at, follows, strict=True))
 
 
