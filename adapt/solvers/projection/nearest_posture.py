@@ -153,13 +153,16 @@ def with_whole_slopes(
 ) -> Nearest:
     """Compute the whole slopes of y: those of ``nearest_postures`` are at postures that stay.
 
-    |y|^2 does not notice (envelope theorem), but where what is left of the rows is correlated its square does.
+    |y|^2 does not notice (envelope theorem); a square of y that is weighted by a covariance of rows does. A posture
+    that is no strict minimum keeps those it has.
     """
     sd = sd_rad(measured, unmeasured_sd)
     at, rows = (girdle, girdle.adapted_mm, strengths, angles, sd, near.angles), angles.shape[1]
     kernel = _slopes_kernel(effects)  # of one component: machine code of all three takes thrice as long to make
-    T, C = zip(*(kernel(*at, np.repeat(one[:, None], rows, axis=1)) for one in np.eye(3)), strict=True)
-    return near._replace(by_theta=np.stack(T), by_channel=np.stack(C))
+    each = zip(*(kernel(*at, np.repeat(one[:, None], rows, axis=1)) for one in np.eye(3)), strict=True)
+    T, C = map(np.stack, each)
+    known = np.isfinite(T).all(axis=(0, 1)) & np.isfinite(C).all(axis=(0, 1))
+    return near._replace(by_theta=np.where(known, T, near.by_theta), by_channel=np.where(known, C, near.by_channel))
 
 
 def closed(

@@ -9,7 +9,7 @@ from motions.arrays import Array
 
 
 def symmetric_solve(A: Float[Array, "n n"], B: Float[Array, "n m"]) -> tuple[Float[Array, "n m"], Array]:
-    """A^-1 B of a symmetric A by L D L', written out, and the smallest pivot."""
+    """Compute A^-1 B of a symmetric A by L D L', and the smallest pivot."""
     n = len(A)
     L, D = [[jnp.zeros(())] * n for _ in range(n)], []
     for j in range(n):
