@@ -24,9 +24,9 @@ _AS_GOOD_AS_NOISE = 1.0
 parts end in a higher minimum than with all starts, with 1.0 3 do."""
 
 _APART_SDS = 0.3
-"""A start whose u is no farther from the lowest end so far leads there too. Of the second and third starts of 1112
-searches of shipped and measured persons and parts with six sets 168 are as near, and none of them leads lower; of
-those up to 1 SD away none does, of those up to 2 SDs 19."""
+"""A start whose u is no farther from the lowest end so far leads there too. Of 1112 second and third starts of
+shipped and measured persons and parts with six sets 168 are as near, and none of them leads lower; of those up to 1 SD
+away none does, of those up to 2 SDs 19."""
 
 _MOST_KIN, _KIN_STEPS = 3, 150
 """Starts from where other parts of the same person ended: so many of the lowest F there, with so many steps. Of 441
