@@ -80,7 +80,8 @@ def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, kin) 
         u, angles = (np.concatenate(one, axis=1) for one in zip(*starts, strict=True))
         problems = np.tile(left, len(starts))
         apart = _apart(u, found.u[:, problems])
-        angles = angles[:, apart[np.concatenate([number, number + len(left)])]]
+        of_start = np.concatenate([number + k * len(left) for k in range(len(starts))])
+        angles = angles[:, apart[of_start]]
         _keep_lower(found, rows, part, prior, problems[apart], u[:, apart], angles)
         _with_starts_of_kin(found, rows, part, prior, kin, left)
     lost = np.flatnonzero(~found.settled)

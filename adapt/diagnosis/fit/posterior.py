@@ -68,7 +68,7 @@ def modes(
         a[: len(own), group] = own
     first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a, _by_positions(joint, likelihood, hypotheses))
     near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood), _MOST_STEPS)
-    near = objective.parts.with_whole_slopes(theta, objective.strengths(mode.a), near)
+    near = objective.with_whole_slopes(theta, mode.a, near)
     every = np.arange(len(joint.candidates.scale))
     distinct = {id(one): one for one in (likelihood, *beliefs)}.values()  # the first is mostly among the others
     in_order, thetas = np.argsort(joint.rows), _by_group(theta, mode)
@@ -178,7 +178,7 @@ def _and_1(a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "own+1 group
 def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
     """Gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
     near, theta, at = steps
-    near = objective.parts.with_whole_slopes(theta, objective.strengths(at.a), near)
+    near = objective.with_whole_slopes(theta, at.a, near)
     slopes = np.concatenate([near.by_theta, objective.by_amplitude(near)], axis=1)
     y = _rows_first(near.y[:, None], at)[..., 0]
     M = likelihood.quadratic(y, _rows_first(slopes, at), _by_group(theta, at), at.f.T)

@@ -122,7 +122,7 @@ class Objective:
         rows = groups[self.parts.group][self.parts.part]
         return Objective(self.parts.of(groups), self.shared.of(groups, rows))
 
-    def strengths(self, a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "channels rows"]:
+    def _strengths(self, a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "channels rows"]:
         """Give the strengths of the effects in all rows."""
         strengths = self.parts.strengths
         if not self._places.size:
@@ -132,7 +132,11 @@ class Objective:
 
     def nearest(self, theta, a, start, there=THERE) -> Nearest:
         """Find the nearest postures of all rows."""
-        return self.parts.nearest(theta, self.strengths(a), start, there)
+        return self.parts.nearest(theta, self._strengths(a), start, there)
+
+    def with_whole_slopes(self, theta, a, near: Nearest) -> Nearest:
+        """Replace the slopes of y by those that follow the nearest postures."""
+        return self.parts.with_whole_slopes(theta, self._strengths(a), near)
 
     def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
         """Evaluate it: nearest postures, with slopes in the amplitudes in place of channels, E of every part, and D

@@ -73,6 +73,9 @@ class Parts:
     def _girdle_of_rows(self) -> Girdle:
         return take_problems(self.girdle, self.part)
 
+    def _girdle_at(self, theta_mm: Float[np.ndarray, "adapted parts"]) -> Girdle:
+        return self._girdle_of_rows.with_adapted(theta_mm[:, self.part])
+
     def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... parts"]:
         """Add up the rows of each part."""
         return np.add.reduceat(values, self._starts, axis=-1)
@@ -93,7 +96,7 @@ class Parts:
 
     def nearest(self, theta_mm, strengths, start=None, there=THERE) -> Nearest:
         """Find the nearest postures of all rows at these parameters, (adapted, parts)."""
-        girdle = self._girdle_of_rows.with_adapted(theta_mm[:, self.part])
+        girdle = self._girdle_at(theta_mm)
         return nearest_postures(
             girdle,
             self.effects,
@@ -108,7 +111,7 @@ class Parts:
 
     def with_whole_slopes(self, theta_mm, strengths, near: Nearest) -> Nearest:
         """Replace the slopes of y by those that follow the nearest postures."""
-        girdle = self._girdle_of_rows.with_adapted(theta_mm[:, self.part])
+        girdle = self._girdle_at(theta_mm)
         return with_whole_slopes(girdle, self.effects, strengths, self.angles, self.measured, near, self.unmeasured_sd)
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":
