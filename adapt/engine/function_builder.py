@@ -34,14 +34,15 @@ class FunctionBuilder:
     It is also the array namespace of its values: their ``where``, ``sqrt``, ``repeat_while``, ...
     """
 
-    def __init__(self, name: str, dtype: DTypeLike):
-        """``dtype``: float64 or float32, the type of all numbers."""
+    def __init__(self, name: str, dtype: DTypeLike, width: int | None = None):
+        """``dtype``: float64 or float32, the type of all numbers. ``width``: problems of a block, a register full."""
         self.name, self.dtype = name, np.dtype(dtype)
-        self.simd_width = simd_width(dtype)
+        self.simd_width = width or simd_width(dtype)
+        self.scratch, self.scratch_stride = "%scratch", str(self.simd_width)
         self.element = {8: "double", 4: "float"}[self.dtype.itemsize]
         self.vector, self.mask = f"<{self.simd_width} x {self.element}>", f"<{self.simd_width} x i1>"
         self.instructions = InstructionList()
-        self._scratch_rows = 0
+        self.scratch_rows = 0
         self._zero, self._one = (self.broadcast(x).operand for x in (0.0, 1.0))
 
     # --- values
@@ -183,14 +184,14 @@ class FunctionBuilder:
 
     def scratch_row(self, length: str, is_mask: bool) -> MemoryRow:
         """Return a new row of scratch, beside the others of the same place of the axis."""
-        row, self._scratch_rows = self._scratch_rows, self._scratch_rows + 1
+        row, self.scratch_rows = self.scratch_rows, self.scratch_rows + 1
         compute = self.instructions.compute
 
         def offset_at(index: str) -> str:
             first = compute(f"mul i64 {index}, {_ROWS}")
-            return compute(f"mul i64 {compute(f'add i64 {first}, {row}')}, {self.simd_width}")
+            return compute(f"mul i64 {compute(f'add i64 {first}, {row}')}, {self.scratch_stride}")
 
-        return MemoryRow(self, "%scratch", length, offset_at, is_mask, one_byte=False)
+        return MemoryRow(self, self.scratch, length, offset_at, is_mask, one_byte=False)
 
     def argument_rows(self, number: int, rows: int, axis: int | None, is_mask: bool) -> list[MemoryRow]:
         """Return the rows of the caller's array of this number, along this entry of ``sizes`` if there is one."""
@@ -221,8 +222,8 @@ class FunctionBuilder:
     # --- loops
 
     @contextmanager
-    def loop(self, length: str, name: str, first: str = "0") -> Iterator[str]:
-        """Do the instructions within for every index from ``first`` up to ``length``."""
+    def loop(self, length: str, name: str, first: str = "0", step: str = "1") -> Iterator[str]:
+        """Do the instructions within for every ``step``th index from ``first`` up to ``length``."""
         write = self.instructions
         counter = write.new_name()
         write.entry.append(f"{counter} = alloca i64")
@@ -232,7 +233,7 @@ class FunctionBuilder:
             write.append(f"{index} = load i64, ptr {counter}", f"{more} = icmp slt i64 {index}, {length}")
             write.enter_if(more, labels)
             yield index
-            write.append(f"{following} = add i64 {index}, 1", f"store i64 {following}, ptr {counter}")
+            write.append(f"{following} = add i64 {index}, {step}", f"store i64 {following}, ptr {counter}")
 
     @contextmanager
     def each_block(self) -> Iterator[None]:
@@ -293,21 +294,23 @@ class FunctionBuilder:
 
     def text(self) -> str:
         """Return the module: the function, and ``name_rows()``, how many rows of scratch it wants for each place."""
-        rows, live = str(self._scratch_rows), self.instructions.live()
-        lines = [*self.instructions.entry, "br label %start", "start:", *live, "ret void"]
-        body = "\n  ".join(lines).replace(_ROWS, rows)
-        called = sorted({m for line in live for m in re.findall(r"call [a-z ]*?(<[^>]*> @llvm[.\w]+)\(", line)})
-        declarations = [f"declare {one}({', '.join([self.vector] * _arity(one))})" for one in called]
         return "\n".join(
             [
-                f"define i64 @{self.name}_rows() {{ ret i64 {rows} }}",
+                f"define i64 @{self.name}_rows() {{ ret i64 {self.scratch_rows} }}",
                 f"define void @{self.name}(ptr %arrays, ptr %sizes, i64 %first, i64 %last, ptr noalias %scratch) "
                 f'"min-legal-vector-width"="512" {{',
-                f"entry:\n  {body}\n}}",
-                *declarations,
+                *self.body(),
                 "",
             ]
         )
+
+    def body(self) -> list[str]:
+        """Return the function's body and the declarations of what it calls."""
+        live = self.instructions.live()
+        lines = [*self.instructions.entry, "br label %start", "start:", *live, "ret void"]
+        text = "\n  ".join(lines).replace(_ROWS, str(self.scratch_rows))
+        called = sorted({m for line in live for m in re.findall(r"call [a-z ]*?(<[^>]*> @llvm[.\w]+)\(", line)})
+        return [f"entry:\n  {text}\n}}", *(f"declare {x}({', '.join([self.vector] * _arity(x))})" for x in called)]
 
     def count_operations(self) -> Counter[tuple[str, ...]]:
         """Count the operations on numbers by the loops that they are in, outermost first."""

@@ -33,6 +33,9 @@ _BLOCKS_A_TURN = 16
 """Blocks that a thread takes at a time: few enough that all end together, enough that asking for them is nothing."""
 
 
+_Arrays = list[np.ndarray]
+
+
 class _ArraySpec:
     """One array: ``"3 postures"`` is three components of every posture; ``"bool"`` and ``"int"`` say what they are."""
 
@@ -90,16 +93,24 @@ class Kernel:
     def by_machine(self, *trees: Any) -> Any:
         """Run the text by machine code, on the cores of this processor. Raises MachineCodeError."""
         number = _number(trees)
+        arrays, results, sizes = self.laid_out(trees, number, at_least=simd_width(number))
+        self._run([*arrays, *results], sizes, number)
+        return self.result_of(results, jax.tree.leaves(trees)[0].shape[-1])
+
+    def laid_out(self, trees: Any, number: type, at_least: int = 1) -> tuple[_Arrays, _Arrays, list[int]]:
+        """Return the arrays as the compiled text reads them, ``at_least`` so many problems, those that it writes, and
+        the numbers of problems, postures and points."""
         arrays = [
             np.ascontiguousarray(x, spec.dtype(number))
             for x, spec in zip(jax.tree.leaves(trees), self._inputs, strict=True)
         ]
-        problems = arrays[0].shape[-1]
-        if 0 < problems < simd_width(number):
-            arrays = [_padded(x, simd_width(number)) for x in arrays]
+        if 0 < arrays[0].shape[-1] < at_least:
+            arrays = [_padded(x, at_least) for x in arrays]
         sizes = self._sizes(arrays)
-        results = [np.empty(spec.shape(sizes), spec.dtype(number)) for spec in self._outputs]
-        self._run([*arrays, *results], sizes, number)
+        return arrays, [np.empty(spec.shape(sizes), spec.dtype(number)) for spec in self._outputs], sizes
+
+    def result_of(self, results: _Arrays, problems: int) -> Any:
+        """Return what the compiled text wrote, of so many problems, as its tree."""
         results = [
             x[..., :problems].astype(int) if spec.kind is int else x[..., :problems]
             for x, spec in zip(results, self._outputs, strict=True)
@@ -154,9 +165,11 @@ class Kernel:
             self._functions[number] = function(library[name]), rows()
         return self._functions[number]
 
-    def build(self, dtype: type = np.float64) -> FunctionBuilder:
+    def build(
+        self, dtype: type = np.float64, make: Callable[..., FunctionBuilder] = FunctionBuilder
+    ) -> FunctionBuilder:
         """Write the text's instructions."""
-        builder = FunctionBuilder(f"{self.name}_{dtype.__name__}", dtype)
+        builder = make(f"{self.name}_{dtype.__name__}", dtype)
         with builder.each_block():
             arguments = []
             for number, spec in enumerate(self._inputs):
