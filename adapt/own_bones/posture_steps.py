@@ -16,7 +16,7 @@ from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
 from adapt.solvers.newton.elimination import RANGE_SPACE_PENALTY
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, channels, digest, with_effects
-from adapt.solvers.projection.symmetric_solve import symmetric_solve
+from adapt.solvers.projection.small_matrices import symmetric_solve
 from models.effects import Effect
 from models.girdle import COUNT_OF_NUMBERS, Girdle
 from motions.arrays import Array

@@ -1,5 +1,6 @@
 """The joint fit against the fits of `girdle adapt` and finite differences, its quadratic steps against SciPy."""
 
+from dataclasses import replace
 from functools import partial
 from itertools import count
 
@@ -18,6 +19,7 @@ from adapt.solvers.projection import damped_steps, gauss_newton
 from adapt.solvers.projection.bounded_step import lowest
 from adapt.solvers.projection.gauss_newton import End
 from adapt.solvers.projection.nearest_posture import THERE, _nearest_kernel, nearest_postures
+from adapt.solvers.projection.parts import Parts
 from adapt.solvers.projection.subjects import weight_of_sizes
 from models import load_model
 from models.effects import ActiveEffects, AnyGirdle
@@ -59,7 +61,12 @@ def adapted(joint: JointFit, hypothesis: Hypothesis, theta_mm, amplitude, betwee
     shared = joint._shared([hypothesis] * joint.groups)
     mean = np.tile(np.reshape(amplitude, (-1, 1)), joint.groups)
     scale = between * shared.scale / np.sqrt(weight_of_sizes(joint._parts))
-    return _minimum(joint._parts, shared._replace(scale=scale, mean=mean), theta_mm, mean)
+    return _minimum(with_slopes(joint), shared._replace(scale=scale, mean=mean), theta_mm, mean)
+
+
+def with_slopes(joint: JointFit) -> Parts:
+    """Have slopes in the strengths too, at postures that stay: those of E."""
+    return replace(joint._parts, strengths_are_known=False)
 
 
 def test_personal_sizes_give_the_optimum_of_girdle_adapt():
@@ -119,7 +126,7 @@ _slopes = few_runs(jax.jacobian(lambda q_deg, chain: chain.residuals_mm(q_deg / 
 def test_the_whole_slopes_of_y_are_differences():
     """The nearest posture follows; at one that stays the slopes are off by some percent."""
     joint = joint_fit("scapulothoracic_gap")
-    parts, theta = joint._parts, joint.from_starts().theta_mm
+    parts, theta = with_slopes(joint), joint.from_starts().theta_mm
     strengths = 2.0 * np.random.default_rng(5).standard_normal(parts.strengths.shape)
     near = parts.nearest(theta, strengths)
     whole = parts.with_whole_slopes(theta, strengths, near)
@@ -149,7 +156,7 @@ def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
     name = "scapulothoracic_gap"
     where = joint.candidates.where((name,))
     theta, a = joint.from_starts().theta_mm, 0.3 * joint.candidates.scale[where]
-    parts, columns = joint._parts, joint.candidates.columns[where][..., joint.rows]
+    parts, columns = with_slopes(joint), joint.candidates.columns[where][..., joint.rows]
 
     def squares(amplitude):
         strengths = np.einsum("k,kcr->cr", amplitude, columns)

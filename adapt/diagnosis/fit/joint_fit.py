@@ -130,6 +130,7 @@ class JointFit:
             weights=self.model.weight / counts[of_row] * self.shoulders.weights[self.rows],
             part=of_row,
             group=self.group,
+            strengths_are_known=True,  # whoever wants slopes in them wants whole ones
         )
 
     def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:

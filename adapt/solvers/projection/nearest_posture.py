@@ -16,9 +16,8 @@ from jaxtyping import Bool, Float
 
 from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
-from adapt.solvers.newton.elimination import RANGE_SPACE_PENALTY
 from adapt.solvers.newton.postures import GIRDLE
-from adapt.solvers.projection.symmetric_solve import symmetric_solve
+from adapt.solvers.projection.small_matrices import inverse_root, null_basis, symmetric_solve
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects, AnyGirdle, Effect
@@ -153,16 +152,15 @@ def with_whole_slopes(
 ) -> Nearest:
     """Compute the whole slopes of y: those of ``nearest_postures`` are at postures that stay.
 
-    |y|^2 does not notice (envelope theorem); a square of y that is weighted by a covariance of rows does. A posture
-    that is no strict minimum keeps those it has.
+    |y|^2 does not notice (envelope theorem); a square of y that is weighted by a covariance of rows does. Of a posture
+    that is no strict minimum they are those of one that stays.
     """
     sd = sd_rad(measured, unmeasured_sd)
     at, rows = (girdle, girdle.adapted_mm, strengths, angles, sd, near.angles), angles.shape[1]
     kernel = _slopes_kernel(effects)  # of one component: machine code of all three takes thrice as long to make
     each = zip(*(kernel(*at, np.repeat(one[:, None], rows, axis=1)) for one in np.eye(3)), strict=True)
-    T, C = map(np.stack, each)
-    known = np.isfinite(T).all(axis=(0, 1)) & np.isfinite(C).all(axis=(0, 1))
-    return near._replace(by_theta=np.where(known, T, near.by_theta), by_channel=np.where(known, C, near.by_channel))
+    by_theta, by_channel = map(np.stack, each)
+    return near._replace(by_theta=by_theta, by_channel=by_channel)
 
 
 def closed(
@@ -277,7 +275,7 @@ def _nearest(g, at, s, sd, start, there):
         number, x, step_before, along_before, _ = state
         value, G, *_ = slopes_at(x, *at)
         GS = G * sd
-        root = _inverse_root(GS @ GS.T)
+        root = inverse_root(GS @ GS.T)
 
         def across(constraints):
             return sd * (GS.T @ (root.T @ (root @ constraints)))
@@ -294,7 +292,7 @@ def _nearest(g, at, s, sd, start, there):
     _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, nothing, nothing, _FAR * one))
     value, G, *slopes = slopes_at(x, *at)
     GS = G * sd
-    root = _inverse_root(GS @ GS.T)
+    root = inverse_root(GS @ GS.T)
     y = root @ (value + G @ (s - x))
     B, *slopes = ((root @ one).ravel() for one in (G, *slopes))
     return x, y, B, value, root.T @ y, *slopes
@@ -304,31 +302,32 @@ def _whole_slopes(g, at, s, sd, x, weights):
     """Slopes of weights' y (inputs) in each of ``at`` as the nearest posture follows, of one row.
 
     x is where S^-2 (x - s) + G' h = 0 and g = 0. With K the curvature of the first in x, and (a, b) the solution of
-    K a + G' b = y_x' weights, G a = 0, the slopes are those of weights' y - h' G a - b' g at an x that stays.
+    K a + G' b = y_x' weights, G a = 0, the slopes are those of weights' y - h' G a - b' g at an x that stays. a is
+    among the directions Z along the constraints. Where K is not convex there x is no strict minimum: a and b are 0.
     """
 
     def along_weights(x, *at):
         value, pull = jax.vjp(lambda x: g(x, *at), x)
         G = jax.vmap(lambda one: pull(one)[0])(jnp.eye(3))
         GS = G * sd
-        root = _inverse_root(GS @ GS.T)
+        root = inverse_root(GS @ GS.T)
         y = root @ (value + G @ (s - x))
         return weights @ y, (G, root.T @ y)
 
     _, pull, (G, h) = jax.vjp(along_weights, x, *at, has_aux=True)
     of_x, *of_at = pull(jnp.ones(()))
-    W = 1.0 / (sd * sd)
-    stiffness = RANGE_SPACE_PENALTY * jnp.max(W) / jnp.sum(G * G, axis=1)
-    K = jax.jacfwd(jax.grad(lambda x: h @ g(x, *at)))(x) + jnp.eye(6) * W + (G.T * stiffness) @ G
-    solved = symmetric_solve(K, jnp.concatenate([G.T, of_x[:, None]], axis=1))[0]
-    b = symmetric_solve(G @ solved[:, :3], G @ solved[:, 3:])[0][:, 0]
-    a = solved[:, 3] - solved[:, :3] @ b
+    bend = jax.grad(lambda x: h @ g(x, *at))
+    Z = null_basis(G)
+    KZ = jax.vmap(lambda z: jax.jvp(bend, (x,), (z,))[1], in_axes=1, out_axes=1)(Z) + Z / (sd * sd)[:, None]
+    along, pivot = symmetric_solve(Z.T @ KZ, (Z.T @ of_x)[:, None])
+    across, _ = symmetric_solve(G @ G.T, G @ (of_x[:, None] - KZ @ along))
+    a, b = (jnp.where(pivot > 0.0, one[:, 0], 0.0) for one in (Z @ along, across))
 
     def slopes(x, h):
         return jax.grad(lambda at: h @ g(x, *at))(at)
 
     _, follows = jax.jvp(slopes, (x, h), (a, b))
-    return tuple(one - two for one, two in zip(of_at, follows, strict=True))
+    return tuple(one - jnp.where(pivot > 0.0, two, 0.0) for one, two in zip(of_at, follows, strict=True))
 
 
 def _part_of(along, step_before, along_before, sd):
@@ -351,7 +350,7 @@ def _closed(g, start):
         number, x, damping, _ = state
         value, G = slopes_at(x)
         V = G @ G.T
-        root = _inverse_root(V + damping * jnp.trace(V) * jnp.eye(3))
+        root = inverse_root(V + damping * jnp.trace(V) * jnp.eye(3))
         step = _limited(-(G.T @ (root.T @ (root @ value))))
         trial, _ = slopes_at(x + step)
         better = jnp.sum(trial**2) < jnp.sum(value**2)  # not where V was singular, and the step is no number
@@ -371,19 +370,6 @@ def _with_slopes(g, *at):
     """g and its slopes (3, inputs) in each argument."""
     value, pull = jax.vjp(g, *at)
     return value, *jax.vmap(pull)(jnp.eye(3))
-
-
-def _inverse_root(V: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
-    """Inverse of the lower Cholesky factor, written out."""
-    a = jnp.sqrt(V[0, 0])
-    b, d = V[1, 0] / a, V[2, 0] / a
-    c = jnp.sqrt(V[1, 1] - b * b)
-    e = (V[2, 1] - d * b) / c
-    f = jnp.sqrt(V[2, 2] - d * d - e * e)
-    zero = jnp.zeros(())
-    p, q, r = 1.0 / a, 1.0 / c, 1.0 / f
-    s, u = -b * p * q, -e * q * r
-    return jnp.stack([jnp.stack([p, zero, zero]), jnp.stack([s, q, zero]), jnp.stack([-(d * p + e * s) * r, u, r])])
 
 
 def strengths_of(columns: Sequence[Float[np.ndarray, "amplitudes channels rows"]]) -> Float[np.ndarray, "k c rows"]:
