@@ -61,8 +61,8 @@ def diagnose_gap(
 
     Looks for the causes of `girdle effects`, several at once, that predict motions and persons that were not fitted.
     The answer is **none** (nothing beyond noise), **effect** (one cause or more, each with the names that these data
-    cannot tell apart) or **unknown** (no candidate predicts better). With it come the size of each cause, what it was
-    tested on, what to measure next, and the command that adapts with the causes. --tables adds the inclusion
+    cannot tell apart) or **unknown** (no listed cause explains the rest). With it come the size of each cause, what it
+    was tested on, what to measure next, and the command that adapts with the causes. --tables adds the inclusion
     probabilities and the gap budget (what adaptation, each cause and noise take of the gap on held-out motions).
 
     More subjects and more kinds of motion help most: the same causes are sought in all of them. A subject with fewer
