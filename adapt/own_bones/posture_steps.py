@@ -63,9 +63,11 @@ class Eliminated(NamedTuple):
 
     def at(self, dx_mm: Float[np.ndarray, "numbers rows"]) -> tuple[np.ndarray, np.ndarray]:
         """Compute dq (rad) and the new multipliers of every posture for a step of the numbers."""
-        steps = persons_first(self.steps).reshape(-1, 9, 1 + _N)
-        found = steps[:, :, 1:] @ persons_first(dx_mm)[..., None] + steps[:, :, :1]
-        return found[:, :6, 0].T, found[:, 6:, 0].T
+        still, *by_number = self.steps.reshape(9, 1 + _N, -1).swapaxes(0, 1)
+        found = still.copy()
+        for along, moved in zip(by_number, dx_mm, strict=True):  # in this order whoever else is there
+            found += along * moved
+        return found[:6], found[6:]
 
 
 def eliminate(effects: tuple[Effect, ...], at: Postures) -> Eliminated:

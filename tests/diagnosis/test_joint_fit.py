@@ -14,6 +14,7 @@ from small_worlds import joint_fit, simulated
 from adapt import adapt_subjects
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING, JointFit, _minimum
+from adapt.diagnosis.inference.search import search_of
 from adapt.engine.batching import take_problems
 from adapt.solvers.projection import damped_steps, gauss_newton
 from adapt.solvers.projection.bounded_step import lowest
@@ -22,7 +23,7 @@ from adapt.solvers.projection.nearest_posture import THERE, _nearest_kernel, nea
 from adapt.solvers.projection.parts import Parts
 from adapt.solvers.projection.subjects import weight_of_sizes
 from models import load_model
-from models.effects import ActiveEffects, AnyGirdle
+from models.effects import EFFECTS, ActiveEffects, AnyGirdle
 from models.effects.amplitudes import PersonalSize
 from motions.rotations import DEG
 
@@ -144,6 +145,26 @@ def test_the_whole_slopes_of_y_are_differences():
     for k in range(len(strengths)):
         seen = differences(0.0, np.eye(len(strengths))[k][:, None])
         assert relative(whole.by_channel[:, k], seen) < SAME_SLOPES
+
+
+def test_a_posture_at_a_gimbal_lock_has_no_slopes_and_leaves_the_others_theirs():
+    """A gap that follows the angles of a frame has no derivative in how the frame is turned where the middle one is 90
+    degrees. The posture is one that a diagnosis came by."""
+    effects = [EFFECTS[name] for name in ("scapula_landmark_bias", "scapulothoracic_gap:posture")]
+    joint = search_of(load_model("R2"), joint_fit().shoulders, effects).joint
+    parts, theta = joint._parts, joint.from_starts().theta_mm
+    strengths = np.zeros(parts.strengths.shape)
+    strengths[3:] = np.reshape([-3.8, -1.5, 3.6, 5.9, -0.8, -2.8], (-1, 1))
+    near = parts.nearest(theta, strengths)
+    whole = parts.with_whole_slopes(theta, strengths, near)
+    locked = near.angles.copy()
+    locked[:, 3] = np.array([-82.10, 27.15, 24.98, 17.65, 90.001, 30.96]) / DEG
+    found = parts.with_whole_slopes(theta, strengths, near._replace(angles=locked))
+    assert not found.by_theta[..., 3].any()
+    assert not found.by_channel[..., 3].any()
+    assert whole.by_theta[..., 3].any()
+    for one, other in ((found.by_theta, whole.by_theta), (found.by_channel, whole.by_channel)):
+        np.testing.assert_array_equal(np.delete(one, 3, axis=-1), np.delete(other, 3, axis=-1))
 
 
 def relative(found, expected) -> float:

@@ -45,6 +45,14 @@ _FAR = 1e6
 
 _MOST_CLOSING_STEPS, _FIRST_DAMPING = 120, 1e-3
 
+_FOLD = 1.0 / 30.0
+"""A nearest posture that is held by less than this share of what holds it where constraints are straight moves by more
+than thirty times as far, and next to it there is none: such slopes say nothing of a step."""
+
+_STEEPEST = 1e4
+"""SDs a millimetre, or a unit of strength: thirty times less is the most of any fold. Steeper than this are only frames
+whose middle angle is 90 degrees, where a course that follows their angles has no derivative."""
+
 _AT_REST_RAD, _CLOSED_MM = 1e-10, 1e-12
 """Step at which the closing of a chain has come to rest, and a chain that is closed to rounding."""
 
@@ -153,13 +161,15 @@ def with_whole_slopes(
     """Compute the whole slopes of y: those of ``nearest_postures`` are at postures that stay.
 
     |y|^2 does not notice (envelope theorem); a square of y that is weighted by a covariance of rows does. Of a posture
-    that is no strict minimum they are those of one that stays.
+    near a fold (``_FOLD``) they are those of one that stays, at a gimbal lock (``_STEEPEST``) 0.
     """
     sd = sd_rad(measured, unmeasured_sd)
     at, rows = (girdle, girdle.adapted_mm, strengths, angles, sd, near.angles), angles.shape[1]
     kernel = _slopes_kernel(effects)  # of one component: machine code of all three takes thrice as long to make
     each = zip(*(kernel(*at, np.repeat(one[:, None], rows, axis=1)) for one in np.eye(3)), strict=True)
-    by_theta, by_channel = map(np.stack, each)
+    slopes = [np.stack(one) for one in each]
+    told = np.all([(np.abs(one) < _STEEPEST).all(axis=(0, 1)) for one in slopes], axis=0)
+    by_theta, by_channel = (np.where(told, one, 0.0) for one in slopes)
     return near._replace(by_theta=by_theta, by_channel=by_channel)
 
 
@@ -318,9 +328,11 @@ def _whole_slopes(g, at, s, sd, x, weights):
     of_x, *of_at = pull(jnp.ones(()))
     bend = jax.grad(lambda x: h @ g(x, *at))
     Z = null_basis(G)
-    KZ = jax.vmap(lambda z: jax.jvp(bend, (x,), (z,))[1], in_axes=1, out_axes=1)(Z) + Z / (sd * sd)[:, None]
-    along, pivot = symmetric_solve(Z.T @ KZ, (Z.T @ of_x)[:, None])
+    straight = Z / (sd * sd)[:, None]
+    KZ = jax.vmap(lambda z: jax.jvp(bend, (x,), (z,))[1], in_axes=1, out_axes=1)(Z) + straight
+    along, _ = symmetric_solve(Z.T @ KZ, (Z.T @ of_x)[:, None])
     across, _ = symmetric_solve(G @ G.T, G @ (of_x[:, None] - KZ @ along))
+    _, pivot = symmetric_solve(Z.T @ (KZ - _FOLD * straight), jnp.zeros((3, 0)))
     a, b = (jnp.where(pivot > 0.0, one[:, 0], 0.0) for one in (Z @ along, across))
 
     def slopes(x, h):
