@@ -13,7 +13,7 @@ from plotly.offline import get_plotlyjs
 from adapt.diagnosis.result import Diagnoses, Diagnosis, GapLevels, Step
 from adapt.diagnosis.texts.cause_sentences import cause_sentence, measure_next
 from adapt.diagnosis.texts.json_form import JsonObject, plain
-from adapt.diagnosis.texts.notes import notes
+from adapt.diagnosis.texts.notes import rests_on
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
     held_out_text,
@@ -157,7 +157,7 @@ def _environment() -> Environment:
         "largest": _largest,
         "listed": listed,
         "measure_next": measure_next,
-        "notes": notes,
+        "rests_on": rests_on,
         "percent": percent_text,
         "probability": probability_text,
         "sentence": sentence,

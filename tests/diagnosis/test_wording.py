@@ -54,7 +54,7 @@ SENTENCES = {
     "nothing": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions goes from 0.5 to 0.5"),
     "outside": OWN.format("No listed cause explains the rest: the gap of 6 shoulders", "motions goes from 2.8 to 2.8"),
     "lone": BEYOND.format("postures shrinks from 1.8 to 0.7", "scapula_landmark_bias"),
-    "untested": OWN.format("One motion of one person cannot show a cause: the gap", "postures goes from 2.6 to 0.7"),
+    "untested": OWN.format("One motion of one person cannot show a cause: the gap", "postures goes from 2.6 to 1.8"),
     "blind": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions goes from - to -"),
 }
 
@@ -146,8 +146,8 @@ def test_the_notes_say_what_the_numbers_rest_on():
         "The motion file says of its angles that scapula_landmark_bias is active.",
         "The clavicle's axial rotation is computed from the other angles: an estimate, no measurement.",
         "scapulothoracic_gap: larger than such an effect is: something that acts like it.",
-        "These data cannot tell apart conoid_strain and clavicle_axial_estimate.",
         "Left out: s11: 2 postures.",
+        "These data cannot tell apart conoid_strain and clavicle_axial_estimate.",
         "To adapt with ac_translation and scapulothoracic_gap: girdle adapt ... --own-bones "
         "--effects-of FOLDER, the folder of this diagnosis.",
     ]

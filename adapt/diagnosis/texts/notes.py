@@ -10,22 +10,29 @@ from adapt.diagnosis.texts.wording import listed
 def notes(diagnosis: Diagnosis) -> list[str]:
     """Say what the numbers of a diagnosis rest on, what they do not say, and how to adapt with the causes."""
     candidates = set(diagnosis.verdict.inclusion)
+    return [
+        *rests_on(diagnosis),
+        *(f"{name} is probable and not named: {why}." for name, why in diagnosis.verdict.not_named.items()),
+        *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
+        *([_how_to_adapt(diagnosis)] if diagnosis.goes_further else []),
+    ]
+
+
+def rests_on(diagnosis: Diagnosis) -> list[str]:
+    """Say what the numbers of a diagnosis rest on, and what they do not say."""
     too_large = [name for name, one in diagnosis.amplitude.items() if one.too_large]
     return [
         f"Parameter set {diagnosis.model}.",
         _noise(diagnosis.noise),
         *(f"The motion file says of its angles that {name} is active." for name in diagnosis.declared_effects),
         *([_AXIAL] if diagnosis.axial_is_computed else []),
-        *(f"{name} is probable and not named: {why}." for name, why in diagnosis.verdict.not_named.items()),
         *([f"Positions: {diagnosis.positions.note}."] if diagnosis.positions.note else []),
         *_landmark_sizes(diagnosis),
         *_limits(diagnosis),
         *_sampled(diagnosis),
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
-        *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
         *(f"Left out: {slip}." for slip in diagnosis.slips),
-        *([_how_to_adapt(diagnosis)] if diagnosis.goes_further else []),
     ]
 
 

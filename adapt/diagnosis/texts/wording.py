@@ -41,7 +41,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     """Say the verdict as a biomechanist reads it first, in at most MOST_WORDS words."""
     if diagnosis.verdict.answer != EFFECT:
         return _without_cause(diagnosis)
-    before, with_effect, floor = _levels(diagnosis, "own_bones")
+    before, with_effect, floor = _levels(diagnosis, "own_bones", "with_effect")
     levels = diagnosis.gaps.hardest
     verb = "shrinks" if levels["with_effect"][ALL].value < levels["own_bones"][ALL].value else "goes"
     gap = f"the gap of {subjects_text(diagnosis)} on {unseen_text(diagnosis.gaps)}"
@@ -53,7 +53,7 @@ def sentence(diagnosis: Diagnosis) -> str:
 
 def _without_cause(diagnosis: Diagnosis) -> str:
     """Say that none is named, and what bones of each person's own take away."""
-    adapted, own, floor = _levels(diagnosis)
+    adapted, own, floor = _levels(diagnosis, "adapted", "own_bones")
     unseen, subjects = unseen_text(diagnosis.gaps), subjects_text(diagnosis)
     end = f"on {unseen} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
     if not diagnosis.can_test:
@@ -175,9 +175,9 @@ def _two_names(names: tuple[str, ...]) -> str:
     return f"{names[0]} (or {names[1]}{', ...' if names[2:] else ''})" if names[1:] else names[0]
 
 
-def _levels(diagnosis: Diagnosis, before: GapKind = "adapted") -> tuple[str, str, str]:
-    """The most unseen gap, degrees: before, with the causes, from noise; two digits where one shows no change."""
+def _levels(diagnosis: Diagnosis, before: GapKind, after: GapKind) -> tuple[str, str, str]:
+    """The most unseen gap, degrees: before, after, from noise; two digits where one shows no change."""
     levels = diagnosis.gaps.hardest
-    found = [levels[kind][ALL].value for kind in (before, "with_effect", "noise_floor")]
+    found = [levels[kind][ALL].value for kind in (before, after, "noise_floor")]
     coarse, fine = (tuple(gap_text(value, digits) for value in found) for digits in (1, 2))
     return coarse if len(set(coarse)) == len(set(fine)) else fine  # pyright: ignore[reportReturnType]

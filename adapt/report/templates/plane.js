@@ -147,6 +147,8 @@ function whenClicked(place) {
   place.on("plotly_click", (event) => go({ posture: event.points[0].pointIndex }));
 }
 
+const WIDE_ENOUGH_FOR_BINS = 560; // px, with six of them and the scale beside them
+
 const heatMap = () => model().heat.maps[Math.min(at.heat, model().heat.maps.length - 1)];
 const heatBins = () => model().heat.low_deg.map((low) => `${low}–${low + model().heat.bin_deg}`);
 
@@ -157,6 +159,7 @@ function drawHeat() {
   const bins = heatBins();
   panels("heat-maps", 2).forEach((place, k) => {
     const state = ["before", "after"][k];
+    const turned = place.clientWidth < WIDE_ENOUGH_FOR_BINS;
     const heat = {
       type: "heatmap",
       z: chosen[state],
@@ -177,11 +180,11 @@ function drawHeat() {
     const layout = {
       title: title(NAME[state]),
       plot_bgcolor: "#dddddd",
-      margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: narrow() ? 88 : 44 },
+      margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: turned ? 88 : 44 },
       xaxis: {
-        title: { text: "humerus elevation, °", standoff: narrow() ? 14 : 6 },
+        title: { text: "humerus elevation, °", standoff: turned ? 14 : 6 },
         type: "category",
-        tickangle: narrow() ? -60 : 0,
+        tickangle: turned ? -60 : 0,
         ticks: "",
         showgrid: false,
       },
