@@ -57,7 +57,7 @@ def asked(monkeypatch) -> dict[str, Any]:
         asked.update(models=[one.name for one in models], **given)
         return dict(BOTH)
 
-    monkeypatch.setattr(cli, "diagnose", answer)
+    monkeypatch.setattr(cli, "diagnose_side_by_side", answer)
     monkeypatch.setattr(cli, "adapt_with_every_fold", adapted)
     return asked
 
@@ -101,8 +101,10 @@ def test_the_terminal_says_cause_size_test_and_what_to_measure_and_type_next(ask
 
 
 def test_five_angles_are_diagnosed_without_the_axial_rotation_and_so_is_what_to_type_next(asked, monkeypatch, tmp_path):
-    seen, answer = [], cli.diagnose
-    monkeypatch.setattr(cli, "diagnose", lambda motions, *a, **b: seen.append(motions) or answer(motions, *a, **b))
+    seen, answer = [], cli.diagnose_side_by_side
+    monkeypatch.setattr(
+        cli, "diagnose_side_by_side", lambda motions, *a, **b: seen.append(motions) or answer(motions, *a, **b)
+    )
     motion, out = written(tmp_path, [ROW, *ROWS]), tmp_path / "out"
     said = girdle("diagnose", motion, "--model", "R4", "--model", "R2", "--angles", "five", "--out", out).out
     assert np.isfinite(seen[0].angles_deg).all(axis=0).tolist() == [True, True, False, True, True, True]
@@ -134,7 +136,7 @@ def test_the_tables_show_the_gap_budget_first_and_then_the_causes(asked, tmp_pat
 
 def test_without_a_cause_there_is_no_table_of_causes(monkeypatch, asked, tmp_path):
     nothing = replace(ONE, verdict=NOTHING.verdict, amplitude={})
-    monkeypatch.setattr(cli, "diagnose", lambda *_, **__: {"R2": nothing})
+    monkeypatch.setattr(cli, "diagnose_side_by_side", lambda *_, **__: {"R2": nothing})
     said = girdle("diagnose", written(tmp_path, [ROW, *ROWS]), "--tables", "--out", tmp_path / "out").out
     assert "Causes:" not in said
     assert "--effects-of" not in said

@@ -15,12 +15,13 @@ from adapt.cli.terminal.console import progress
 from adapt.cli.terminal.print_diagnosis import print_diagnosis
 from adapt.cli.terminal.print_muscles import print_muscles
 from adapt.cli.terminal.print_trust import print_trust
-from adapt.diagnosis import Diagnoses, diagnose
+from adapt.diagnosis import Diagnoses
 from adapt.diagnosis.fit.noise import LEAST_DEG
 from adapt.diagnosis.position_findings import check_use
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.evaluation.held_out import sample
 from adapt.output.large_runs.parts import not_adapted
+from adapt.output.large_runs.side_by_side import diagnose_side_by_side
 from adapt.output.result_files import write_adaptations, write_figures, write_positions, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
 from adapt.tables.held_out import fewest_parts
@@ -59,7 +60,7 @@ def diagnose_motions(
         with progress(errors) as report:
             result = adapt_with_every_fold(table, models, progress=report)
             given = {"noise_deg": noise_deg, "positions": positions, "position_noise_mm": position_noise_mm}
-            diagnoses = Diagnoses(diagnose(table, models, progress=report, adaptations=result, **given))
+            diagnoses = Diagnoses(diagnose_side_by_side(table, models, report, result, **given))
             result = replace(result, heldout=fewest_parts(result.heldout, sample(table.subjects)))
             report("figures")
             with transaction(folder) as part:

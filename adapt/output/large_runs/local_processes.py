@@ -1,4 +1,4 @@
-"""Parts made by several processes of this machine: where a run has many, tables and files take as long as the fits."""
+"""Several processes of this machine: where a run has many parts, tables and files take as long as the fits."""
 
 import os
 from collections import deque
@@ -7,6 +7,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
 from threading import Thread
+from typing import Any
 
 import jax
 
@@ -22,8 +23,6 @@ MANY_PARTS = 8
 _WAITING = 2
 """Parts asked for, a process: one that it makes and one that it goes on with; more would only fill memory."""
 
-_work: Work
-
 
 def on_this_machine(parts: int) -> Maker:
     """Choose how to make so many parts: by processes where there are many, and cores to share."""
@@ -35,7 +34,7 @@ def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
     processes = cores()
     asked: deque[tuple[int, Future[bytes]]] = deque()
     try:
-        with ProcessPoolExecutor(processes, get_context("spawn"), _begin, (work,)) as pool:
+        with processes_given(work, processes, cores_each=1) as pool:
             for number, motions in chunks:
                 asked.append((number, pool.submit(_part, motions)))
                 if len(asked) >= _WAITING * processes:
@@ -49,11 +48,24 @@ def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
         raise InputError("the adaptation", None, cause, remedy) from error
 
 
-def _begin(work: Work) -> None:
-    global _work
-    _work = work
+def processes_given(something: Any, processes: int, cores_each: int) -> ProcessPoolExecutor:
+    """Start so many processes, which end with this one; each knows what it was given (``given``)."""
+    return ProcessPoolExecutor(processes, get_context("spawn"), _begin, (something, cores_each))
+
+
+def given() -> Any:
+    """Return what this process was given as it began."""
+    return _given
+
+
+_given: Any = None
+
+
+def _begin(something: Any, cores_each: int) -> None:
+    global _given
+    _given = something
     Thread(target=_end_with_parent, daemon=True).start()
-    use_cores(1)
+    use_cores(cores_each)
     jax.config.update("jax_platforms", "cpu")  # on a GPU each process would take most of its memory for itself
     keep_compiled()
 
@@ -69,4 +81,4 @@ def _end_with_parent() -> None:
 
 
 def _part(motions: Motions) -> bytes:
-    return _work.part(motions)
+    return given().part(motions)

@@ -1,0 +1,56 @@
+"""Several parameter sets diagnosed at once: one diagnosis keeps hardly more than one core busy."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from queue import Empty
+from typing import Any
+
+from adapt.api import Adaptations
+from adapt.diagnosis import Diagnosis, diagnose
+from adapt.engine.batching import cores
+from adapt.output.large_runs.local_processes import given, processes_given
+from models.person.family import AnyModel
+from motions.errors import InputError
+from motions.table import Motions
+
+_SECONDS_TO_NEWS = 0.1
+
+
+def diagnose_side_by_side(
+    motions: Motions,
+    models: Sequence[AnyModel],
+    progress: Callable[[str], None],
+    adaptations: Adaptations,
+    **options: Any,
+) -> dict[str, Diagnosis]:
+    """Diagnose with every model as ``adapt.diagnosis.diagnose`` does, which has the ``options``; with several, and
+    cores for them, each in a process of its own. InputError if the system ends one of them."""
+    processes = min(len(models), cores())
+    if processes == 1:
+        return diagnose(motions, models, progress=progress, adaptations=adaptations, **options)
+    stages = get_context("spawn").Queue()
+    try:
+        with processes_given(stages, processes, cores() // processes) as pool:
+            asked = [pool.submit(_diagnosed, motions, one, adaptations, options) for one in models]
+            _passed_on(asked, stages, progress)
+            return {name: found for one in asked for name, found in one.result().items()}
+    except BrokenProcessPool as error:
+        cause = "the system ended a process, most likely because memory ran out"
+        raise InputError("the diagnosis", None, cause, "Start it again with one --model at a time") from error
+
+
+def _passed_on(asked: Sequence[Future[Any]], stages: Any, progress: Callable[[str], None]) -> None:
+    """Say what the processes are at until all have ended, or one has failed."""
+    while not any(one.done() and one.exception() for one in asked) and not all(one.done() for one in asked):
+        try:
+            progress(stages.get(timeout=_SECONDS_TO_NEWS))
+        except Empty:
+            wait(asked, 0.0)
+
+
+def _diagnosed(
+    motions: Motions, model: AnyModel, adaptations: Adaptations, options: dict[str, Any]
+) -> dict[str, Diagnosis]:
+    return diagnose(motions, model, progress=given().put, adaptations=adaptations, **options)
