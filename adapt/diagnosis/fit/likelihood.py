@@ -99,16 +99,21 @@ class Likelihood:
             M[:, :, place[:, None], place] = across @ at.curves
             M[:, :, place[:, None], which] = of_curves[..., k, :]
             M[:, :, which[:, None], place] = np.swapaxes(of_curves[..., k, :], 2, 3)
-        return M + self._of_prior(prior, M.shape[-1])
+        self._add_prior(M, prior)
+        return M
 
-    def _of_prior(
-        self, prior: Float[np.ndarray, "groups subjects adapted"], m: int
-    ) -> Float[np.ndarray, "groups subjects m m"]:
-        """M of theta about what persons have in common, h."""
-        columns = np.zeros((*prior.shape, m))
-        columns[..., :_N], columns[..., _N : 2 * _N] = np.eye(_N) / self.sd_mm[:, :, None], -np.eye(_N)
-        columns[..., -1] = prior
-        return np.swapaxes(columns, 2, 3) @ columns
+    def _add_prior(
+        self, M: Float[np.ndarray, "groups subjects m m"], prior: Float[np.ndarray, "groups subjects adapted"]
+    ) -> None:
+        """Add that of theta about what persons have in common, h: the square of ``prior`` + theta / SD - h."""
+        theta, h, precision = np.arange(_N), np.arange(_N, 2 * _N), 1.0 / self.sd_mm
+        M[..., theta, theta] += precision**2
+        M[..., h, h] += 1.0
+        M[..., -1, -1] += (prior**2).sum(axis=-1)
+        beside = (theta, h, -precision), (theta, -1, precision * prior), (h, -1, -prior)
+        for one, other, product in beside:
+            M[..., one, other] += product
+            M[..., other, one] += product
 
     def evidence(
         self,
