@@ -86,10 +86,12 @@ def diagnose(
     person its sizes of the causes that they show. "check": the search does not see them; the constants of each person
     are fitted to them, and the distances that are left are reported. "ignore": motions without them.
     ``position_noise_mm``: the SD of one coordinate; without it, it is estimated.
-    Raises InputError where ``motions`` are none or no subject has enough postures, ValueError for an effect of one's
-    own that does nothing, or something at amplitude 0.
+    Raises InputError where ``motions`` are none or no subject has enough postures, ValueError where there is no
+    candidate, or one of one's own that does nothing, or something at amplitude 0.
     """
     check_motions(motions)
+    if effects is not None and not effects:
+        raise ValueError("effects: give one candidate or more")
     models = as_list(models)
     clean, slips = without_slips(motions)
     every, left_out = usable(clean)

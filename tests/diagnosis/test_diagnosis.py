@@ -34,8 +34,8 @@ SAME_DEG = 1e-6
 """One meaning of 'adapted': the numbers of the diagnosis are those of `girdle adapt` and `girdle adapt --effect`."""
 
 SAME_MINIMUM_DEG = 1e-3
-"""Of bones without an axial rotation, whose minima lie side by side: a diagnosis adapts more parts of a person, and each
-part may find a lower one where another ended."""
+"""Of bones without an axial rotation, whose minima lie side by side: a diagnosis adapts more parts of a person, and
+each part may find a lower one where another ended."""
 
 UNSEEN_DEG = {"breteler_dissection": (1.5, 1.1), "breteler_mri": (1.7, 1.4)}
 """Scapula, clavicle, with the causes that are named, on motions that were not fitted. What a diagnosis must reach to be
@@ -190,6 +190,11 @@ def test_an_estimate_of_the_axial_rotation_is_named_without_a_size_where_nothing
     assert found.verdict.names[-1] == ESTIMATE
     assert found.verdict.answer != EFFECT
     assert not [one for one in found.options if one.startswith(ESTIMATE)]
+
+
+def test_without_a_candidate_there_is_nothing_to_search():
+    with pytest.raises(ValueError, match="effects: give one candidate or more"):
+        diagnose(simulated().motions, load_model("R2"), effects=())
 
 
 def test_an_angle_that_was_not_measured_counts_nowhere():

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_worlds import simulated
+from small_worlds import CANDIDATES, simulated
 
 from adapt.api import adapt_with_every_fold
 from adapt.diagnosis import diagnose
@@ -18,8 +18,6 @@ from models.effects import EFFECTS
 from motions import InputError
 from motions.table import Motions
 
-EFFECT = "scapula_landmark_bias"
-
 pytestmark = pytest.mark.slow
 
 
@@ -29,13 +27,13 @@ def two_cores(monkeypatch):
 
 
 def few_postures() -> Motions:
-    motions = simulated(EFFECT).motions
+    motions = simulated().motions
     return motions.select(np.isin(motions.subject, motions.subjects[:2]))
 
 
 def test_processes_find_what_one_finds_and_say_what_they_are_at(two_cores):
     motions, models, said = few_postures(), [load_model("R2"), replace(load_model("R2"), name="again")], []
-    adaptations, options = adapt_with_every_fold(motions, models), {"effects": [EFFECTS[EFFECT]]}
+    adaptations, options = adapt_with_every_fold(motions, models), {"effects": [EFFECTS[name] for name in CANDIDATES]}
     found = diagnose_side_by_side(motions, models, said.append, adaptations, **options)
     expected = diagnose(motions, models, adaptations=adaptations, **options)
     assert list(found) == ["R2", "again"]
