@@ -2,7 +2,8 @@
 
 import csv
 import difflib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,27 +68,32 @@ def read_table(path: Path, check_header: Callable[[list[str], str, int], None] |
 
 
 def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None]) -> tuple[list[str], Iterator[Row]]:
-    file = str(path)
-    lines = _split(_lines(path), file)
-    header_line, header = next(lines, (None, []))
-    if header and header[0].lower().startswith(_SAYS_SEPARATOR):
+    file, text = str(path), _lines(path)  # closed here where it ends early: an error that is kept would keep it open
+    lines = _split(text, file)
+    try:
         header_line, header = next(lines, (None, []))
-    if header_line is None:
-        raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
-    columns = [name.strip() for name in header]
-    check_header(columns, file, header_line)
+        if header and header[0].lower().startswith(_SAYS_SEPARATOR):
+            header_line, header = next(lines, (None, []))
+        if header_line is None:
+            raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
+        columns = [name.strip() for name in header]
+        check_header(columns, file, header_line)
+    except InputError:
+        text.close()
+        raise
 
     def rows() -> Iterator[Row]:
         line = None
-        for line, cells in lines:
-            yield _row(file, line, columns, cells)
+        with closing(text):
+            for line, cells in lines:
+                yield _row(file, line, columns, cells)
         if line is None:
             raise InputError(file, None, "there are no rows under the header", "Add one row for each posture")
 
     return columns, rows()
 
 
-def _lines(path: Path) -> Iterator[str]:
+def _lines(path: Path) -> Generator[str, None, None]:
     """The lines of a text file with their ends, in memory one at a time."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:

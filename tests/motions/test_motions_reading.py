@@ -370,6 +370,17 @@ def test_no_path_at_all():
         read_motions()
 
 
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="this system does not list the files that are open")
+@pytest.mark.parametrize("content", ["a,b\n1,2\n", f"{HEADER}\n{ROW}\n1,2\n", f'{HEADER}\n{ROW}\n"1,2\n'])
+def test_a_file_that_is_refused_is_not_kept_open_by_its_error(tmp_path, content):
+    path = written(tmp_path, content, "refused.csv")
+    with pytest.raises(InputError) as caught:
+        read_motions(path)
+    opened = {os.path.realpath(one) for one in Path("/proc/self/fd").iterdir()}
+    assert str(path.resolve()) not in opened
+    assert caught.value.__traceback__, "it is kept, with all that its frames hold"
+
+
 PIECES = st.sampled_from([HEADER, ROW, "\n", "\r", ",", '"', ";", "nan", "left", "1e9", "AC_x_mm", "side", "\x00"])
 
 

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,8 @@ def few_postures() -> Motions:
 
 def test_processes_find_what_one_finds_and_say_what_they_are_at(two_cores):
     motions, models, said = few_postures(), [load_model("R2"), replace(load_model("R2"), name="again")], []
-    adaptations, options = adapt_with_every_fold(motions, models), {"effects": [EFFECTS[name] for name in CANDIDATES]}
+    options: dict[str, Any] = {"effects": [EFFECTS[name] for name in CANDIDATES]}
+    adaptations = adapt_with_every_fold(motions, models)
     found = diagnose_side_by_side(motions, models, said.append, adaptations, **options)
     expected = diagnose(motions, models, adaptations=adaptations, **options)
     assert list(found) == ["R2", "again"]
