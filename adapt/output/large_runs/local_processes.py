@@ -20,6 +20,8 @@ from motions.table import Motions
 MANY_PARTS = 8
 """From so many on: a process takes 3 s to start, a part 3 s."""
 
+ENDED_BY_THE_SYSTEM = "the system ended a process, most likely because memory ran out"
+
 _WAITING = 2
 """Parts asked for, a process: one that it makes and one that it goes on with; more would only fill memory."""
 
@@ -43,9 +45,8 @@ def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
             for number, part in asked:
                 yield number, part.result()
     except BrokenProcessPool as error:
-        cause = "the system ended a process, most likely because memory ran out"
         remedy = "Start it again: it continues where it was. A smaller --chunk takes less memory"
-        raise InputError("the adaptation", None, cause, remedy) from error
+        raise InputError("the adaptation", None, ENDED_BY_THE_SYSTEM, remedy) from error
 
 
 def processes_given(something: Any, processes: int, cores_each: int) -> ProcessPoolExecutor:

@@ -1,8 +1,9 @@
 """Several parameter sets diagnosed at once: one diagnosis keeps hardly more than one core busy."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, wait
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import get_context
 from queue import Empty
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from adapt.api import Adaptations
 from adapt.diagnosis import Diagnosis, diagnose
 from adapt.engine.batching import cores
-from adapt.output.large_runs.local_processes import given, processes_given
+from adapt.output.large_runs.local_processes import ENDED_BY_THE_SYSTEM, given, processes_given
 from models.person.family import AnyModel
 from motions.errors import InputError
 from motions.table import Motions
@@ -37,17 +38,15 @@ def diagnose_side_by_side(
             _passed_on(asked, stages, progress)
             return {name: found for one in asked for name, found in one.result().items()}
     except BrokenProcessPool as error:
-        cause = "the system ended a process, most likely because memory ran out"
-        raise InputError("the diagnosis", None, cause, "Start it again with one --model at a time") from error
+        remedy = "Start it again with one --model at a time"
+        raise InputError("the diagnosis", None, ENDED_BY_THE_SYSTEM, remedy) from error
 
 
 def _passed_on(asked: Sequence[Future[Any]], stages: Any, progress: Callable[[str], None]) -> None:
     """Say what the processes are at until all have ended, or one has failed."""
     while not any(one.done() and one.exception() for one in asked) and not all(one.done() for one in asked):
-        try:
+        with suppress(Empty):
             progress(stages.get(timeout=_SECONDS_TO_NEWS))
-        except Empty:
-            wait(asked, 0.0)
 
 
 def _diagnosed(

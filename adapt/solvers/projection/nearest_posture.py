@@ -313,7 +313,7 @@ def _whole_slopes(g, at, s, sd, x, weights):
 
     x is where S^-2 (x - s) + G' h = 0 and g = 0. With K the curvature of the first in x, and (a, b) the solution of
     K a + G' b = y_x' weights, G a = 0, the slopes are those of weights' y - h' G a - b' g at an x that stays. a is
-    among the directions Z along the constraints. Where K is not convex there x is no strict minimum: a and b are 0.
+    among the directions Z along the constraints. Near a fold (``_FOLD``) a and b are 0.
     """
 
     def along_weights(x, *at):
