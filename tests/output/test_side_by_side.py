@@ -1,5 +1,6 @@
 """Parameter sets diagnosed in processes of their own, against one after another."""
 
+import multiprocessing
 import os
 from dataclasses import replace
 from typing import Any
@@ -54,3 +55,11 @@ def test_a_process_that_the_system_ends_is_named_with_what_to_do(two_cores):
     motions = few_postures()
     with pytest.raises(InputError, match=r"the system ended a process.* one --model at a time"):
         diagnose_side_by_side(motions, [Dying(), Dying()], lambda _: None, None)  # type: ignore[list-item, arg-type]
+
+
+def test_what_a_process_refuses_is_refused_in_its_words(two_cores):
+    motions, models = few_postures(), [load_model("R2"), load_model("R4")]
+    adaptations, others = adapt_with_every_fold(motions, models), multiprocessing.active_children()
+    with pytest.raises(ValueError, match="effects: give one candidate or more"):
+        diagnose_side_by_side(motions, models, lambda _: None, adaptations, effects=())
+    assert set(multiprocessing.active_children()) <= set(others), "nobody waits for the other set, and it has ended"

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from queue import Empty
 from typing import Any
 
@@ -31,12 +31,17 @@ def diagnose_side_by_side(
     processes = min(len(models), cores())
     if processes == 1:
         return diagnose(motions, models, progress=progress, adaptations=adaptations, **options)
-    stages = get_context("spawn").Queue()
+    stages, others = get_context("spawn").Queue(), active_children()
     try:
         with processes_given(stages, processes, cores() // processes) as pool:
             asked = [pool.submit(_diagnosed, motions, one, adaptations, options) for one in models]
-            _passed_on(asked, stages, progress)
-            return {name: found for one in asked for name, found in one.result().items()}
+            try:
+                _passed_on(asked, stages, progress)
+                return {name: found for one in asked for name, found in one.result().items()}
+            except BaseException:  # interrupted, or one failed: nobody waits for the others
+                for one in set(active_children()).difference(others):
+                    one.terminate()
+                raise
     except BrokenProcessPool as error:
         remedy = "Start it again with one --model at a time"
         raise InputError("the diagnosis", None, ENDED_BY_THE_SYSTEM, remedy) from error
