@@ -118,16 +118,28 @@ def log_weights(beliefs: Sequence[Belief], log_odds: float) -> Float[np.ndarray,
 
 @dataclass(frozen=True)
 class Whitening:
-    """Makes y of every shoulder white, with what shoulders have in common as curves of SD 1 beside it."""
+    """Makes y of every shoulder white, with what shoulders have in common as curves of SD 1 beside it.
+
+    Each constraint is white by itself, or all three together: all rows of one, then of the next."""
 
     rows: tuple[Int[np.ndarray, " own"], ...]
     """Of each shoulder."""
-    inverse_root: tuple[Float[np.ndarray, "own own"], ...]
+    inverse_root: tuple[Float[np.ndarray, "m m"], ...]
     """L^-1 of the covariance L L' of what is its own."""
-    curves: tuple[Float[np.ndarray, "own curves"], ...]
+    curves: tuple[Float[np.ndarray, "m curves"], ...]
     """L^-1 times what each curve adds to its rows."""
     log_determinants: Float[np.ndarray, " subjects"]
     """Of each L L', of three constraints."""
+
+    def without(self, known: Sequence[Float[np.ndarray, "3*own 3*own"]]) -> "Whitening":
+        """Take what is known of each shoulder from its covariance: its constraints are then white together."""
+        every, roots, curves = np.eye(len(CONSTRAINTS)), [], []
+        for inverse, of_shoulder, less in zip(self.inverse_root, self.curves, known, strict=True):
+            root = np.linalg.inv(inverse)
+            roots.append(np.linalg.cholesky(np.kron(every, root @ root.T) - less))
+            curves.append(np.linalg.solve(roots[-1], np.kron(every, root @ of_shoulder)))
+        log_determinants = np.array([2.0 * np.log(np.diag(root)).sum() for root in roots])
+        return Whitening(self.rows, tuple(map(np.linalg.inv, roots)), tuple(curves), log_determinants)
 
 
 def whitening(

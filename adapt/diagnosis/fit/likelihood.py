@@ -11,6 +11,7 @@ from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, common_curve
 from adapt.diagnosis.fit.evidence import Evidence, without
 from adapt.diagnosis.fit.joint_fit import JointFit, Model
 from adapt.diagnosis.fit.positions.position_evidence import position_evidence
+from adapt.diagnosis.fit.positions.shown_noise import ShownNoise, shown_noise
 from models.adapted_parameters import ADAPTED
 from models.girdle import CONSTRAINTS
 
@@ -25,8 +26,10 @@ class Likelihood:
     whitening: Whitening
     between: float
     """SD of a_s about a, of the prior SD."""
-    positions: Evidence | None
+    positions: Evidence | None = None
     """What measured positions say of all amplitudes."""
+    shown: ShownNoise | None = None
+    """And of the noise of y."""
 
     @staticmethod
     def of(
@@ -36,15 +39,17 @@ class Likelihood:
     ) -> "Likelihood":
         """Factor what no cause explains, of all rows or of those that are seen."""
         white = whitening(joint.shoulders, discrepancy, common_curves(joint.shoulders, discrepancy), seen)
-        rows, positions = joint.positions, None
+        rows, positions, shown = joint.positions, None, None
         if rows:
             positions = position_evidence(rows, joint.shoulders, discrepancy, seen)
-        return Likelihood(joint.model, white, discrepancy.between_shoulders, positions)
+            shown = shown_noise(rows, joint.shoulders, discrepancy, seen)
+        white = white.without(shown.known) if shown else white
+        return Likelihood(joint.model, white, discrepancy.between_shoulders, positions, shown)
 
     @property
     def shared(self) -> int:
         """How many of h and b there are."""
-        return _N + _C * self.whitening.curves[0].shape[1]
+        return _N + self._whitened.blocks * self.whitening.curves[0].shape[1]
 
     @cached_property
     def sd_mm(self) -> Float[np.ndarray, "subjects adapted"]:
@@ -55,26 +60,31 @@ class Likelihood:
     def _whitened(self) -> "_SideBySide":
         """Lay the shoulders out side by side."""
         white, most = self.whitening, max(map(len, self.whitening.rows))
-        ends = np.cumsum([len(own) for own in white.rows])
-        place, root = np.zeros((len(ends), most), int), np.zeros((len(ends), most, most))
-        curves = np.zeros((len(ends), most, white.curves[0].shape[1]))
-        for subject, (end, own) in enumerate(zip(ends, white.inverse_root, strict=True)):
-            some = slice(len(own))
-            place[subject], place[subject, some] = end - len(own), np.arange(end - len(own), end)
-            root[subject, some, some], curves[subject, some] = own, white.curves[subject]
-        return _SideBySide(place, root, curves)
+        together = len(white.inverse_root[0]) // len(white.rows[0])
+        first, place = 0, np.zeros((len(white.rows), most), int)
+        root = np.zeros((len(place), together * most, together * most))
+        curves = np.zeros((len(place), together * most, white.curves[0].shape[1]))
+        for subject, own in enumerate(white.rows):
+            place[subject], place[subject, : len(own)] = first, np.arange(first, first + len(own))
+            some = (most * np.arange(together)[:, None] + np.arange(len(own))).ravel()
+            root[subject, some[:, None], some], curves[subject, some] = (
+                white.inverse_root[subject],
+                white.curves[subject],
+            )
+            first += len(own)
+        return _SideBySide(place, root, curves, _C // together)
 
     def values(
         self,
         y: Float[np.ndarray, "groups rows 3"],
         theta_mm: Float[np.ndarray, "groups subjects adapted"],
         f: Float[np.ndarray, "groups factors"],
-    ) -> tuple[Float[np.ndarray, "groups subjects own 3"], Float[np.ndarray, "groups subjects adapted"]]:
+    ) -> tuple[Float[np.ndarray, "groups subjects blocks m"], Float[np.ndarray, "groups subjects adapted"]]:
         """Compute what is white of every shoulder at f = (h, b): its rows, one shoulder's after the other, and theta
         less what persons have in common."""
         at, (h, b) = self._whitened, np.split(f[:, None], [_N], axis=2)
-        common = at.curves @ np.swapaxes(b.reshape(len(f), 1, _C, -1), 2, 3)
-        return at.root @ y[:, at.place] + common, (theta_mm - self.model.theta_mm) / self.sd_mm - h
+        common = at.curves[:, None] @ b.reshape(len(f), 1, at.blocks, -1, 1)
+        return (at.white(y[..., None]) + common)[..., 0], (theta_mm - self.model.theta_mm) / self.sd_mm - h
 
     def quadratic(
         self,
@@ -86,19 +96,18 @@ class Likelihood:
         """Compute M of -2 log p = z'Mz of every shoulder in what is added to theta, h, b and the others that y has
         ``slopes`` in, theta first, and 1."""
         at, (white, prior) = self._whitened, self.values(y, theta_mm, f)
-        (groups, subjects, most, _), n, end = white.shape, slopes.shape[3], _N + self.shared
-        own = slopes[:, at.place].reshape(groups, subjects, most, -1)
-        own = np.concatenate([(at.root @ own).reshape(*white.shape, n), white[..., None]], axis=4)
-        flat = own.reshape(groups, subjects, most * _C, n + 1)
+        (groups, subjects, *_), n, end = white.shape, slopes.shape[3], _N + self.shared
+        own = np.concatenate([at.white(slopes), white[..., None]], axis=4)
+        flat = own.reshape(groups, subjects, -1, n + 1)
         across = np.swapaxes(at.curves, 1, 2)
         M = np.zeros((groups, subjects, self.shared + n + 1, self.shared + n + 1))
         which = np.append(np.arange(_N), np.arange(end, end + n + 1 - _N))
         M[:, :, which[:, None], which] = np.swapaxes(flat, 2, 3) @ flat
-        of_curves = (across @ own.reshape(groups, subjects, most, -1)).reshape(groups, subjects, -1, _C, n + 1)
-        for k, place in enumerate(np.split(np.arange(2 * _N, end), _C)):
+        of_curves = across[:, None] @ own
+        for k, place in enumerate(np.split(np.arange(2 * _N, end), at.blocks)):
             M[:, :, place[:, None], place] = across @ at.curves
-            M[:, :, place[:, None], which] = of_curves[..., k, :]
-            M[:, :, which[:, None], place] = np.swapaxes(of_curves[..., k, :], 2, 3)
+            M[:, :, place[:, None], which] = of_curves[:, :, k]
+            M[:, :, which[:, None], place] = np.swapaxes(of_curves[:, :, k], 2, 3)
         self._add_prior(M, prior)
         return M
 
@@ -126,6 +135,12 @@ class Likelihood:
         """Integrate theta of every shoulder out; Z is dy in theta and in the amplitudes ``where``, which are ``here``
         in it."""
         rows, none = np.concatenate(self.whitening.rows), np.zeros((1, self.shared))
+        if self.shown:
+            added = self.shown.added[..., np.append(where, -1)]
+            y, Z = (
+                y + added @ np.append(here, 1.0),
+                np.concatenate([Z[..., :_N], Z[..., _N:] + added[..., :-1]], axis=2),
+            )
         (M,) = self.quadratic(y[None, rows], Z[None, rows], theta_mm[None], none)
         matrix, half_log = without(M, _N)
         constants = -0.5 * self.whitening.log_determinants - np.log(self.sd_mm).sum(axis=1) - half_log
@@ -138,5 +153,12 @@ class _SideBySide(NamedTuple):
 
     place: Int[np.ndarray, "subjects own"]
     """Of each row, among those of all; of one of 0 that of the first."""
-    root: Float[np.ndarray, "subjects own own"]
-    curves: Float[np.ndarray, "subjects own curves"]
+    root: Float[np.ndarray, "subjects m m"]
+    curves: Float[np.ndarray, "subjects m curves"]
+    blocks: int
+    """Of constraints that are white together: three of one, or one of three."""
+
+    def white(self, x: Float[np.ndarray, "groups rows 3 n"]) -> Float[np.ndarray, "groups subjects blocks m n"]:
+        """Make rows white."""
+        own = np.moveaxis(x[:, self.place], 3, 2)
+        return self.root[:, None] @ own.reshape(*own.shape[:2], self.blocks, -1, own.shape[4])

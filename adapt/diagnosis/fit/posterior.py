@@ -66,7 +66,8 @@ def modes(
     a = np.zeros((max(map(len, amplitudes)), len(hypotheses)))
     for group, own in enumerate(amplitudes):
         a[: len(own), group] = own
-    first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a, _by_positions(joint, likelihood, hypotheses))
+    by_positions = _by_positions(joint, likelihood, hypotheses), _added(joint, likelihood, hypotheses)
+    first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a, *by_positions)
     near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood), _MOST_STEPS)
     near = objective.with_whole_slopes(theta, mode.a, near)
     every = np.arange(len(joint.candidates.scale))
@@ -102,6 +103,21 @@ def _by_positions(
     return found
 
 
+def _added(
+    joint: JointFit, likelihood: Likelihood, hypotheses: Sequence[Hypothesis]
+) -> Float[np.ndarray, "rows 3 own+1 groups"]:
+    """Lay out what positions add to y (``ShownNoise.added``) for hypotheses; nothing, of one row, without them."""
+    places = [joint.candidates.where(one) for one in hypotheses]
+    most = max(map(len, places))
+    if likelihood.shown is None:
+        return np.zeros((1, 3, most + 1, len(places)))
+    added = likelihood.shown.added[joint.rows]
+    found = np.zeros((*added.shape[:2], most + 1, len(places)))
+    for group, where in enumerate(places):
+        found[:, :, np.append(np.arange(len(where)), most), group] = added[..., np.append(where, -1)]
+    return found
+
+
 class _OfGroups(NamedTuple):
     """Where the steps of each hypothesis are, beside the adapted parameters of its parts."""
 
@@ -110,17 +126,19 @@ class _OfGroups(NamedTuple):
     """h and b."""
     by_positions: Float[np.ndarray, "own+1 own+1 groups"]
     """Q of what positions say of a."""
+    added: Float[np.ndarray, "rows 3 own+1 groups"]
+    """What they add to y, of every amplitude and without any."""
     total: Float[np.ndarray, " groups"]
     """-2 log p."""
     damping: Float[np.ndarray, " groups"]
     going: Bool[np.ndarray, " groups"]
 
 
-def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions) -> Steps:
+def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions, added) -> Steps:
     """Evaluate where the steps begin, within the bounds."""
     theta, groups = np.clip(theta, *objective.parts.bounds_mm), a.shape[1]
     nowhere, f = np.full(groups, np.inf), np.zeros((likelihood.shared, groups))
-    first = _OfGroups(a, f, by_positions, nowhere, np.zeros(groups), np.ones(groups, bool))
+    first = _OfGroups(a, f, by_positions, added, nowhere, np.zeros(groups), np.ones(groups, bool))
     near, total = _at(likelihood, objective, theta, first, None)
     return (near, theta, first._replace(total=total))
 
@@ -166,9 +184,13 @@ def _at(
     total = (((at.a - shared.mean) / shared.scale) ** 2).sum(axis=0) + (at.f**2).sum(axis=0)
     total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), len(total))
     total += np.einsum("ig,ijg,jg->g", _and_1(at.a), at.by_positions, _and_1(at.a))
-    white = likelihood.values(_rows_first(near.y[:, None], at)[..., 0], _by_group(theta, at), at.f.T)
+    white = likelihood.values(_y_beside_positions(near, at), _by_group(theta, at), at.f.T)
     total += sum((one**2).reshape(len(total), -1).sum(axis=1) for one in white)
     return near, np.where(np.isfinite(total), total, np.inf)
+
+
+def _y_beside_positions(near: Nearest, at: _OfGroups) -> Float[np.ndarray, "groups rows 3"]:
+    return _rows_first(near.y[:, None], at)[..., 0] + np.einsum("rckg,kg->grc", at.added, _and_1(at.a))
 
 
 def _and_1(a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "own+1 groups"]:
@@ -180,8 +202,9 @@ def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tu
     near, theta, at = steps
     near = objective.with_whole_slopes(theta, at.a, near)
     slopes = np.concatenate([near.by_theta, objective.by_amplitude(near)], axis=1)
-    y = _rows_first(near.y[:, None], at)[..., 0]
-    M = likelihood.quadratic(y, _rows_first(slopes, at), _by_group(theta, at), at.f.T)
+    slopes = _rows_first(slopes, at)
+    slopes[..., _N:] += np.moveaxis(at.added[:, :, :-1], 3, 0)
+    M = likelihood.quadratic(_y_beside_positions(near, at), slopes, _by_group(theta, at), at.f.T)
     every = np.moveaxis(M.reshape(-1, *M.shape[2:]), 0, -1)
     return every[:-1, -1], every[:-1, :-1]
 

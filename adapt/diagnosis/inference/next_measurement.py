@@ -85,10 +85,15 @@ def propose(search: Search, model: AnyModel, named: Node, causes: Sequence[tuple
 
 def _evidence(search: Search, one: Node, other: Node) -> Float[np.ndarray, " rows"]:
     """Half of the squared difference of two fits at each posture, whitened."""
-    difference, white = one.posterior.y - other.posterior.y, search.likelihood.whitening
+    difference, white, shown = one.posterior.y - other.posterior.y, search.likelihood.whitening, search.likelihood.shown
+    if shown:
+        every = search.joint.candidates
+        a, b = (every.among_all(node.hypothesis, node.posterior.amplitude) for node in (one, other))
+        difference = difference + shown.added[..., :-1] @ (a - b)
     found = np.zeros(len(difference))
     for rows, inverse_root in zip(white.rows, white.inverse_root, strict=True):
-        found[rows] = 0.5 * ((inverse_root @ difference[rows]) ** 2).sum(axis=1)
+        own = difference[rows].T.reshape(-1, len(inverse_root)) @ inverse_root.T
+        found[rows] = 0.5 * (own**2).reshape(-1, len(rows)).sum(axis=0)
     return found
 
 

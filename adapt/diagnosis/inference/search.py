@@ -26,7 +26,7 @@ from adapt.diagnosis.fit.likeliest import likeliest
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
-from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, position_rows
+from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, PositionRows, position_rows
 from adapt.diagnosis.fit.posterior import Posterior, modes
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
@@ -34,6 +34,7 @@ from adapt.diagnosis.inference.intervals import resampled_persons
 from adapt.diagnosis.marks import scapula_is_carried
 from models.effects import Effect
 from models.person.family import AnyModel
+from motions.rotations import DEG
 
 EXPECTED_CAUSES = 2.0
 """Of all candidates, before any data."""
@@ -257,6 +258,7 @@ class Search:
         smooth = likeliest(self.joint, first.posterior)
         noise = smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
         self._place_landmarks(first, noise)
+        self._share_noise(first, smooth)
         white_deg = float(np.sqrt(noise.noise_deg**2 + smooth.smooth_deg2))  # with less, modes take many more steps
         self._believe([Belief("noise", noise._replace(noise_deg=white_deg))])
         self._beams()
@@ -296,13 +298,27 @@ class Search:
         the measured frame in the bone explains more so."""
         candidates, rows = self.joint.candidates, self.joint.positions
         turning = [one.name for one in candidates.effects if one.cause in TURN_THE_SCAPULA_FRAME]
-        if rows is None or not rows.landmarks or not turning:
-            return
-        values = []
-        joints = self.joint, replace(self.joint, positions=rows.carried(candidates))
+        if rows and rows.landmarks and turning:
+            sets = [candidates.ordered((*first.hypothesis, name)) for name in turning]
+            self._take_the_likelier([rows, rows.carried(candidates)], first, sets, discrepancy)
+
+    def _share_noise(self, first: Node, discrepancy: Discrepancy) -> None:
+        """Take the noise of the angles for what the landmarks are compared with as well, where that explains more: not
+        where one marker gave both."""
+        rows = self.joint.positions
+        if rows:
+            noise_in_y = self.without_causes.B / DEG * self.joint.shoulders.measured.T[:, None]
+            self._take_the_likelier(
+                [rows, replace(rows, noise_in_y=noise_in_y)], first, [first.hypothesis], discrepancy
+            )
+
+    def _take_the_likelier(
+        self, rows: Sequence[PositionRows], first: Node, sets: Sequence[Hypothesis], discrepancy: Discrepancy
+    ) -> None:
+        """Take positions as they are the most probable with the best of some sets."""
+        joints, values = [replace(self.joint, positions=one) for one in rows], []
         for joint in joints:
             at = replace(first.posterior, by_belief=(self._linear(Likelihood.of(joint, discrepancy), first.posterior),))
-            sets = [candidates.ordered((*first.hypothesis, name)) for name in turning]
             values.append(max(self._value(at, one) for one in sets))
         self.joint = joints[int(np.argmax(values))]
         self.likelihoods.clear()

@@ -1,6 +1,6 @@
 """What measured positions say of the amplitudes: the constants of each person and what is smooth integrated out."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ class Grams(NamedTuple):
 
     def evidence(self, discrepancy: Discrepancy) -> Evidence:
         """Give log p(positions, z) of each shoulder in z = (h, b, a_s, 1)."""
-        sizes = np.array([1.0, *(getattr(discrepancy, name) for name in _SIZES)])
+        sizes = sizes_of_curves(discrepancy)
         matrices, constants = [], []
         for gram in self.of_shoulders:
             size = sizes[gram.size]
@@ -59,6 +59,11 @@ _SIZES = ("people", "own_mm", "own_turn_deg", "common_mm", "common_turn_deg")
 """Of constants, and of curves."""
 
 
+def sizes_of_curves(discrepancy: Discrepancy) -> Float[np.ndarray, " sizes"]:
+    """Give 1 and ``_SIZES``."""
+    return np.array([1.0, *(getattr(discrepancy, name) for name in _SIZES)])
+
+
 def position_grams(
     rows: PositionRows,
     shoulders: Shoulders,
@@ -67,19 +72,32 @@ def position_grams(
     seen: Bool[np.ndarray, " rows"] | None = None,
 ) -> Grams:
     """Make all rows white, or those that are seen."""
+    every = grams_with(
+        rows, shoulders, noise_deg, length_deg, seen, lambda own: np.zeros((*rows.values_mm[own].shape, 0))
+    )
+    return Grams(tuple(gram for _, gram in every), rows.by_amplitude.shape[2])
+
+
+def grams_with(
+    rows: PositionRows,
+    shoulders: Shoulders,
+    noise_deg: float,
+    length_deg: float,
+    seen: Bool[np.ndarray, " rows"] | None,
+    last: Callable[[Int[np.ndarray, " own"]], Float[np.ndarray, "own n more"]],
+) -> Iterator[tuple[Int[np.ndarray, " own"], Gram]]:
+    """Give the rows of each shoulder that are seen, all by default, and their Gram, with more columns at last."""
     seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
-    found, common = [], common_position_curves(shoulders, length_deg)
+    common = common_position_curves(shoulders, length_deg)
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
         own = own[seen[own]]
         of_person = [rows.by_constant[own], *_of_curve(rows, own, own_position_curves(shoulders, own, length_deg))]
         of_all = [rows.by_common[own], *_of_curve(rows, own, common[own])]
-        last = [rows.by_amplitude[own], rows.values_mm[own, :, None]]
-        every = [*of_person, *of_all, *last]
+        every = [*of_person, *of_all, rows.by_amplitude[own], rows.values_mm[own, :, None], last(own)]
         white, log_determinant = _white(rows, noise_deg, own, np.concatenate(every, axis=2))
-        size = np.repeat([1, 2, 3, 0, 4, 5, 0, 0], [one.shape[2] for one in every])
-        found.append(Gram(white.T @ white, size, sum(one.shape[2] for one in of_person), log_determinant))
-    return Grams(tuple(found), rows.by_amplitude.shape[2])
+        size = np.repeat([1, 2, 3, 0, 4, 5, 0, 0, 0], [one.shape[2] for one in every])
+        yield own, Gram(white.T @ white, size, sum(one.shape[2] for one in of_person), log_determinant)
 
 
 def _of_curve(

@@ -94,6 +94,8 @@ class PositionRows:
     """What a degree of noise in each measured angle does, mm; an angle that was not measured has more."""
     noise_mm: float
     """SD of a coordinate of one place."""
+    noise_in_y: Float[np.ndarray, "rows 3 6"] | None = None
+    """What a degree of noise in each measured angle does to y, where the positions share that noise."""
 
     def amplitudes(self, where: Int[np.ndarray, " own"]) -> "PositionRows":
         """Take some of the amplitudes."""
