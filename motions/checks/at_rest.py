@@ -75,7 +75,8 @@ def lowest_frames(angles_deg: Float[np.ndarray, "frames 6"], elevation_deg: Floa
     measured = rows[np.isfinite(elevation_deg[rows])]
     if not len(measured):
         return Rest(rows[:1], angles_deg[rows[0]], np.nan)
-    lowest = np.quantile(elevation_deg[measured], LOWEST_SHARE, method="inverted_cdf")
+    ordered = np.sort(elevation_deg[measured])
+    lowest = ordered[int(np.ceil(LOWEST_SHARE * len(ordered))) - 1]
     rows = measured[elevation_deg[measured] <= lowest + NEAR_DEG]
     return Rest(rows, np.median(angles_deg[rows], axis=0), float(np.median(elevation_deg[rows])))
 

@@ -148,30 +148,30 @@ def exchanged(motions: Motions, signs: Sequence[WrongSign]) -> Exchanged | None:
     course. ``signs``: they have to be likelier than the columns as they are with these turned round."""
     rest, course = _rest_and_course(motions)
     turned = np.where(np.isin(ANGLES, [one.angle for one in signs]), -1.0, 1.0)
-    mine = _squares(turned * rest, turned * course)
-    found: dict[tuple[int, ...], float] = {}
-    for order in _ORDERS:
-        moved = np.array(order) != np.arange(6)
-        other = _squares(rest[list(order)], course[list(order)])
-        known = np.isfinite(mine + other) & moved
-        if known.any() and other[known].max() <= FARTHEST_SD**2:
-            found[order] = float((mine - other)[known].sum()) + SIGN_COST * float((turned[moved] < 0.0).sum())
-    best = max(found, key=lambda one: found[one], default=None)
-    if best is None or found[best] <= EXCHANGED:
+    mine, others = _squares(turned * rest, turned * course), _squares(rest[_ORDERS], course[_ORDERS])
+    moved = _ORDERS != np.arange(6)
+    known = np.isfinite(mine[:, None] + others) & moved
+    possible = known.any(axis=(0, 2)) & (np.where(known, others, 0.0).max(axis=(0, 2)) <= FARTHEST_SD**2)
+    likelier = np.where(known, mine[:, None] - others, 0.0).sum(axis=(0, 2))
+    likelier += SIGN_COST * (moved & (turned < 0.0)).sum(axis=1)
+    best = int(np.argmax(np.where(possible, likelier, -np.inf)))
+    if not (possible[best] and likelier[best] > EXCHANGED):
         return _ELEVATIONS if (turned * course)[1] - (turned * course)[4] > BEYOND_SCAPULA_DEG else None
-    moved = [k for k in range(6) if best[k] != k]
-    return Exchanged(tuple(ANGLES[best[k]] for k in moved), tuple(ANGLES[k] for k in moved))
+    columns = np.flatnonzero(moved[best])
+    return Exchanged(tuple(ANGLES[k] for k in _ORDERS[best, columns]), tuple(ANGLES[k] for k in columns))
 
 
-_ORDERS = tuple(
-    order
-    for three in list(permutations(range(3)))[1:]
-    for order in ((*three, 3, 4, 5), (0, 1, 2, *(3 + k for k in three)))
+_ORDERS = np.array(
+    [
+        order
+        for three in list(permutations(range(3)))[1:]
+        for order in ((*three, 3, 4, 5), (0, 1, 2, *(3 + k for k in three)))
+    ]
 )
 """Of the columns, where those of one bone are exchanged."""
 
 
-def _squares(rest: Float[np.ndarray, "6"], course: Float[np.ndarray, "6"]) -> Float[np.ndarray, "2 6"]:
+def _squares(rest: Float[np.ndarray, "*orders 6"], course: Float[np.ndarray, "*orders 6"]) -> np.ndarray:
     """How far angles are from people's at rest and over a course, in SD, squared; NaN says nothing."""
     of_rest = np.where(_REST == 0.0, np.nan, (rest - _REST) / _REST_SD)
     of_course = np.where(_COURSE == 0.0, np.nan, (course - _COURSE) / _COURSE_SD)

@@ -60,17 +60,15 @@ class Likelihood:
     def _whitened(self) -> "_SideBySide":
         """Lay the shoulders out side by side."""
         white, most = self.whitening, max(map(len, self.whitening.rows))
-        together = len(white.inverse_root[0]) // len(white.rows[0])
+        together = max(map(len, white.inverse_root)) // most
         first, place = 0, np.zeros((len(white.rows), most), int)
         root = np.zeros((len(place), together * most, together * most))
         curves = np.zeros((len(place), together * most, white.curves[0].shape[1]))
         for subject, own in enumerate(white.rows):
             place[subject], place[subject, : len(own)] = first, np.arange(first, first + len(own))
             some = (most * np.arange(together)[:, None] + np.arange(len(own))).ravel()
-            root[subject, some[:, None], some], curves[subject, some] = (
-                white.inverse_root[subject],
-                white.curves[subject],
-            )
+            root[subject, some[:, None], some] = white.inverse_root[subject]
+            curves[subject, some] = white.curves[subject]
             first += len(own)
         return _SideBySide(place, root, curves, _C // together)
 
@@ -137,10 +135,8 @@ class Likelihood:
         rows, none = np.concatenate(self.whitening.rows), np.zeros((1, self.shared))
         if self.shown:
             added = self.shown.added[..., np.append(where, -1)]
-            y, Z = (
-                y + added @ np.append(here, 1.0),
-                np.concatenate([Z[..., :_N], Z[..., _N:] + added[..., :-1]], axis=2),
-            )
+            y = y + added @ np.append(here, 1.0)
+            Z = np.concatenate([Z[..., :_N], Z[..., _N:] + added[..., :-1]], axis=2)
         (M,) = self.quadratic(y[None, rows], Z[None, rows], theta_mm[None], none)
         matrix, half_log = without(M, _N)
         constants = -0.5 * self.whitening.log_determinants - np.log(self.sd_mm).sum(axis=1) - half_log

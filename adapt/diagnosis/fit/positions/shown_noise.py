@@ -34,7 +34,7 @@ class ShownNoise(NamedTuple):
 def shown_noise(
     rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
 ) -> ShownNoise | None:
-    """Compute what positions of all rows show, or of those that are seen; None where they share no noise with angles."""
+    """Compute what positions show, of all rows or of those that are seen; None where angles share no noise with it."""
     if rows.noise_in_y is None:
         return None
     noise_deg, sizes = discrepancy.noise_deg, sizes_of_curves(discrepancy)

@@ -131,6 +131,11 @@ def plan(conditions: Sequence[str], seeds: Sequence[int], labels: Sequence[str] 
     ]
 
 
+def world_seed(case: Case) -> int:
+    """The seed of the world of a case."""
+    return case.seed + MOST_SEEDS * (case.repeat + _MOST_REPEATS * (*LABELS, *PAIRS).index(case.label))
+
+
 def world_of(case: Case) -> World:
     """The world of a case; the first two of three motions are what the diagnosis may see."""
     how = CONDITIONS[case.condition]
@@ -141,7 +146,7 @@ def world_of(case: Case) -> World:
         subjects=how.subjects,
         noise_deg=how.noise_deg,
         size=how.size,
-        seed=case.seed + MOST_SEEDS * (case.repeat + _MOST_REPEATS * (*LABELS, *PAIRS).index(case.label)),
+        seed=world_seed(case),
         motions=(*SHOWN_MOTIONS, UNSEEN_MOTION) if three else SHOWN_MOTIONS,
         mixed_sign=how.mixed_sign,
         landmarks=how.landmarks,

@@ -1,0 +1,31 @@
+"""The limit of what could be named: by hand where nothing is at work, and at the truth where something is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.adapted_parameters import PERSON_SD_MM
+from scripts.research.named_causes.blind.cases import Case
+from scripts.research.named_causes.study_limit import could_be_named, distance2, observed, separation2
+
+CASE = Case("two_motions", "thorax_tilt", 51)
+
+
+def test_with_the_effect_nothing_is_left_but_how_people_differ():
+    _, true, change = observed(CASE)
+    apart = true.true_mm / PERSON_SD_MM
+    h = apart.sum(axis=0) / (len(apart) + 1.0)
+    at_the_truth = float(((apart - h) ** 2).sum() + h @ h)
+    assert 0.1 * at_the_truth < distance2(true, change) <= at_the_truth
+
+
+def test_without_it_more_is_left_and_landmarks_show_more_of_it():
+    alone, seen = (separation2(replace(CASE, condition=name)) for name in ("two_motions", "landmarks"))
+    assert 5.0 < alone < seen
+
+
+def test_what_could_be_named_goes_from_nothing_to_all():
+    assert could_be_named(0.0) == pytest.approx(0.0)
+    assert could_be_named(1000.0) == pytest.approx(1.0)
+    assert np.all(np.diff([could_be_named(one) for one in (4.0, 9.0, 16.0, 25.0)]) > 0.0)
