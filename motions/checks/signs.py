@@ -149,7 +149,7 @@ def exchanged(motions: Motions, signs: Sequence[WrongSign]) -> Exchanged | None:
     rest, course = _rest_and_course(motions)
     turned = np.where(np.isin(ANGLES, [one.angle for one in signs]), -1.0, 1.0)
     mine, others = _squares(turned * rest, turned * course), _squares(rest[_ORDERS], course[_ORDERS])
-    moved = _ORDERS != np.arange(6)
+    moved = np.arange(6) != _ORDERS
     known = np.isfinite(mine[:, None] + others) & moved
     possible = known.any(axis=(0, 2)) & (np.where(known, others, 0.0).max(axis=(0, 2)) <= FARTHEST_SD**2)
     likelier = np.where(known, mine[:, None] - others, 0.0).sum(axis=(0, 2))

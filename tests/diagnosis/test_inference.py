@@ -18,6 +18,7 @@ from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
 from adapt.diagnosis.inference.left_over import left_over_share
+from adapt.diagnosis.inference.next_measurement import propose
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import name_causes
 from adapt.diagnosis.inference.weights import Weights, probabilities, probabilities_of_draws, weigh
@@ -260,6 +261,19 @@ def test_of_twice_as_many_persons_a_size_spreads_as_the_mean_of_those_that_were_
     between = (times @ values / times.sum(axis=1)).var()
     within = values.var() / times.sum(axis=1).mean()
     assert between + within == pytest.approx(values.var() / persons, rel=0.25)
+
+
+def test_landmarks_that_show_neither_cause_tell_both_apart_by_the_noise_of_the_angles():
+    """A thorax that is tilted, and bones that leave it: no landmark says so, but where the bones are."""
+    search, names = searched("thorax_tilt"), ("thorax_tilt", "scapulothoracic_gap")
+    named, _ = (search.fit((name,), search.nodes[()]) for name in names)
+    found = {one.what: one for one in propose(search, load_model("R2"), named, [names])}
+    persons, some, all_four = (
+        found[what]
+        for what in ("twice as many persons", "positions of SC AC, to 3 mm", "positions of SC AC TS AI, to 3 mm")
+    )
+    assert persons.separation_then == pytest.approx(2.0 * persons.separation_now)
+    assert persons.separation_now < some.separation_then < all_four.separation_then
 
 
 def test_probabilities_are_the_mean_over_the_draws():

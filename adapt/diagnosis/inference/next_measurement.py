@@ -2,14 +2,17 @@
 cause apart."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.discrepancy import Whitening
 from adapt.diagnosis.fit.joint_fit import Linearised
 from adapt.diagnosis.fit.positions.position_evidence import position_evidence
 from adapt.diagnosis.fit.positions.position_rows import PALPATED_MM, planned_rows
+from adapt.diagnosis.fit.positions.shown_noise import shown_noise
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import Proposal
@@ -78,8 +81,8 @@ def propose(search: Search, model: AnyModel, named: Node, causes: Sequence[tuple
         if search.joint.positions is None:
             for landmarks in _LANDMARKS:
                 what = f"positions of {' '.join(landmarks)}, to {PALPATED_MM:g} mm"
-                more = _by_landmarks(search, model, named, other, landmarks)
-                found.append(Proposal(what, between, now, now + more, apart_deg))
+                then = _with_landmarks(search, model, named, other, landmarks)
+                found.append(Proposal(what, between, now, then, apart_deg))
     return sorted(found, key=lambda one: -one.separation_then)
 
 
@@ -90,6 +93,10 @@ def _evidence(search: Search, one: Node, other: Node) -> Float[np.ndarray, " row
         every = search.joint.candidates
         a, b = (every.among_all(node.hypothesis, node.posterior.amplitude) for node in (one, other))
         difference = difference + shown.added[..., :-1] @ (a - b)
+    return _half_squares(difference, white)
+
+
+def _half_squares(difference: Float[np.ndarray, "rows 3"], white: Whitening) -> Float[np.ndarray, " rows"]:
     found = np.zeros(len(difference))
     for rows, inverse_root in zip(white.rows, white.inverse_root, strict=True):
         own = difference[rows].T.reshape(-1, len(inverse_root)) @ inverse_root.T
@@ -97,8 +104,9 @@ def _evidence(search: Search, one: Node, other: Node) -> Float[np.ndarray, " row
     return found
 
 
-def _by_landmarks(search: Search, model: AnyModel, one: Node, other: Node, landmarks: Sequence[str]) -> float:
-    """Half of the squared difference of what two fits say of positions, the constants of each person left open."""
+def _with_landmarks(search: Search, model: AnyModel, one: Node, other: Node, landmarks: Sequence[str]) -> float:
+    """Half of the squared difference of what two fits say of positions, the constants of each person left open, and of
+    y with the noise that these show."""
     shoulders, every = search.joint.shoulders, search.joint.candidates
     names = every.ordered((*one.hypothesis, *other.hypothesis))
     candidates = lay_out([every.effect(name) for name in names], shoulders)
@@ -108,7 +116,11 @@ def _by_landmarks(search: Search, model: AnyModel, one: Node, other: Node, landm
     rows = planned_rows(model, search.joint.model.sets.girdle, candidates, shoulders, landmarks)
     evidence = position_evidence(rows, shoulders, search.discrepancy)
     known = evidence.of_amplitudes(candidates.mean, candidates.scale)[:-1, :-1]
-    return float(0.5 * difference @ known @ difference)
+    shown = shown_noise(replace(rows, noise_in_y=search.noise_in_y), shoulders, search.discrepancy)
+    assert shown is not None
+    y = one.posterior.y - other.posterior.y + shown.added[..., :-1] @ difference
+    of_y = _half_squares(y, search.likelihood.whitening.without(shown.known)).sum()
+    return float(of_y + 0.5 * difference @ known @ difference)
 
 
 def _with(search: Search, named: Node, own: str, other: str) -> Node | None:

@@ -307,10 +307,8 @@ class Search:
         where one marker gave both."""
         rows = self.joint.positions
         if rows:
-            noise_in_y = self.without_causes.B / DEG * self.joint.shoulders.measured.T[:, None]
-            self._take_the_likelier(
-                [rows, replace(rows, noise_in_y=noise_in_y)], first, [first.hypothesis], discrepancy
-            )
+            both = [rows, replace(rows, noise_in_y=self.noise_in_y)]
+            self._take_the_likelier(both, first, [first.hypothesis], discrepancy)
 
     def _take_the_likelier(
         self, rows: Sequence[PositionRows], first: Node, sets: Sequence[Hypothesis], discrepancy: Discrepancy
@@ -408,6 +406,11 @@ class Search:
     def without_causes(self) -> Linearised:
         """Adapt as `girdle adapt` does without effects."""
         return linearise(self.joint, self.joint.from_starts().theta_mm.T)
+
+    @property
+    def noise_in_y(self) -> Float[np.ndarray, "rows 3 6"]:
+        """What a degree of noise in each measured angle does to y."""
+        return self.without_causes.B / DEG * self.joint.shoulders.measured.T[:, None]
 
     @property
     def best(self) -> Node:

@@ -30,7 +30,7 @@ from scripts.reporting import markdown  # noqa: E402
 from scripts.research.named_causes.blind.cases import CONDITIONS, LISTED, SHOWN_MOTIONS, Case, world_seed  # noqa: E402
 from scripts.research.named_causes.synthetic_a.catalogue import draw_effect  # noqa: E402
 from scripts.research.named_causes.synthetic_a.chain import Chain, read_chain  # noqa: E402
-from scripts.research.named_causes.synthetic_a.conventions import DEG, Array  # noqa: E402
+from scripts.research.named_causes.synthetic_a.conventions import DEG, Array, Index, Mask  # noqa: E402
 from scripts.research.named_causes.synthetic_a.courses import Change  # noqa: E402
 from scripts.research.named_causes.synthetic_a.subjects import Subjects, lay_out, with_parameters  # noqa: E402
 from scripts.research.named_causes.synthetic_a.world import (  # noqa: E402
@@ -55,8 +55,8 @@ class Observed(NamedTuple):
     chain_at: Callable[[Array], Chain]
     """Of the parameters of every subject (s, 6), mm from the set's."""
     true_mm: Array
-    subject: Array
-    kept: Array
+    subject: Index
+    kept: Mask
     """Postures that closed."""
     angles: Array
     places_mm: Array
@@ -169,7 +169,7 @@ def _step(shown: Observed, theta: Array, h: Array, rows: Array, slopes: Array, d
         inverse = np.linalg.inv(K + damping * np.diag(np.diag(K)))
         total, right = total + np.eye(6) - W @ inverse @ W, right + apart + W @ inverse @ v
         each.append((inverse, v))
-    dh = np.linalg.solve(total, right)
+    dh = np.linalg.inv(total) @ right
     return np.stack([inverse @ (v + W @ dh) for inverse, v in each]), dh
 
 
