@@ -12,7 +12,7 @@ from adapt.diagnosis.beyond_own_bones import OwnBonesNull, Rung
 from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
-from adapt.diagnosis.inference.alternatives import with_what_moves_as_well
+from adapt.diagnosis.inference.alternatives import with_what_does_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
@@ -179,8 +179,7 @@ class _Study:
         gaps = self._gaps((base, adapted, own_bones, with_causes), null, rungs, floor)
         budget = self._budget(gaps, null, rungs)
         sets = {name: named.sets[name] for name in order}
-        if self.task.only_angles:
-            sets = with_what_moves_as_well(sets, candidates.causes)
+        sets = with_what_does_as_well(sets, candidates.causes, self.task.only_angles)
         causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
         constants = tuple(filter(null.is_constant, other))
         against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected, search.known)

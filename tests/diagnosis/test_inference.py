@@ -14,7 +14,7 @@ from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import folds_of
-from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_moves_as_well
+from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_does_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
 from adapt.diagnosis.inference.left_over import left_over_share
@@ -317,10 +317,21 @@ def test_angles_alone_do_not_say_which_joint_moves():
         "conoid_strain": CredibleSet(("conoid_strain",), (1.0,)),
         BIAS: CredibleSet((BIAS,), (1.0,)),
     }
-    found = with_what_moves_as_well(sets, causes)
+    found = with_what_does_as_well(sets, causes, only_angles=True)
     names = ("ac_translation", "thorax_tilt", "sc_translation", "scapulothoracic_gap")
     assert found["ac_translation"] == CredibleSet(names, (0.7, 0.3, 0.0, 0.0))
     assert [found[name] for name in ("conoid_strain", BIAS)] == [sets[name] for name in ("conoid_strain", BIAS)]
+
+
+def test_only_an_axial_rotation_that_was_measured_tells_what_changes_a3():
+    """Whatever else was measured; and a joint that landmarks show stands alone."""
+    causes = {name: name for name in ("conoid_strain", "clavicle_axial_estimate", "ac_translation", "sc_translation")}
+    sets = {name: CredibleSet((name,), (1.0,)) for name in ("conoid_strain", "ac_translation")}
+    found = with_what_does_as_well(sets, causes, only_angles=False)
+    assert found["conoid_strain"] == CredibleSet(("conoid_strain", "clavicle_axial_estimate"), (1.0, 0.0))
+    assert found["ac_translation"] == sets["ac_translation"]
+    sets["clavicle_axial_estimate"] = CredibleSet(("clavicle_axial_estimate",), (1.0,))
+    assert with_what_does_as_well(sets, causes, only_angles=False) == sets, "both are named"
 
 
 def test_what_is_held_against_a_null_loses_its_probability():

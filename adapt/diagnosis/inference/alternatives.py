@@ -53,18 +53,26 @@ FRAMES = MappingProxyType({"clavicle_frame_bias": "clavicle_frame", "scapula_lan
 by any angle: published zeros of the clavicle's axial rotation do by 35 degrees."""
 
 
-def with_what_moves_as_well(sets: Mapping[str, CredibleSet], causes: Mapping[str, str]) -> dict[str, CredibleSet]:
-    """Give every joint that is said to move all other names of ``MOVES`` that are candidates and no cause beside it.
+_OF_A3 = ("conoid_strain", "clavicle_axial_estimate")
+"""What changes A3 along a motion and shows in no landmark on the bones: only an axial rotation that was measured by
+itself tells them apart."""
+
+
+def with_what_does_as_well(
+    sets: Mapping[str, CredibleSet], causes: Mapping[str, str], only_angles: bool
+) -> dict[str, CredibleSet]:
+    """Give every cause the other names that the measurement cannot tell from it, if they are candidates and no cause
+    beside it.
 
     Angles alone show which constraint gives way, and not what moves: what they named contradicted pins that saw the
-    joints (docs/diagnose.md). ``causes``: of the candidates.
+    joints (docs/diagnose.md). So a joint gets all of ``MOVES``. ``causes``: of the candidates.
     """
     named = {one.names[0] for one in sets.values()}
     found = dict(sets)
     for name, one in sets.items():
-        if one.names[0] in JOINTS:
-            more = [other for other in MOVES if other in causes.values() and other not in {*one.names, *named}]
-            found[name] = CredibleSet((*one.names, *more), (*one.shares, *(0.0 for _ in more)))
+        alike = MOVES if only_angles and one.names[0] in JOINTS else _OF_A3 if one.names[0] in _OF_A3 else ()
+        more = [other for other in alike if other in causes.values() and other not in {*one.names, *named}]
+        found[name] = CredibleSet((*one.names, *more), (*one.shares, *(0.0 for _ in more)))
     return found
 
 
