@@ -5,7 +5,7 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -202,7 +202,11 @@ def _means(fits: pd.DataFrame, *keys: str) -> pd.DataFrame:
 
 def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
     """Build the :func:`summary_table` of these rows of subjects, by model and state."""
-    blocks = []
+    return pd.concat(summary_blocks(subjects, heldout), ignore_index=True)
+
+
+def summary_blocks(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> Iterator[pd.DataFrame]:
+    """Build it block by block: the whole takes as much memory again as what it is made of."""
     for (model, adapted), rows in subjects.items():
         rows = _with_held_out(rows, heldout[heldout["model"] == model] if adapted else NOTHING)
         motions = rows["motion"].unique()
@@ -213,8 +217,7 @@ def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.Dat
             block.insert(0, "motion", motion)
             block.insert(0, "adapted", adapted)
             block.insert(0, "model", model)
-            blocks.append(block)
-    return pd.concat(blocks, ignore_index=True)
+            yield block
 
 
 def _with_held_out(rows: pd.DataFrame, heldout: pd.DataFrame) -> pd.DataFrame:
@@ -225,11 +228,12 @@ def _with_held_out(rows: pd.DataFrame, heldout: pd.DataFrame) -> pd.DataFrame:
     several = set(motions["subject"])
     whole = whole[(whole["kind"] == MOTION) | ~whole["subject"].isin(several)].assign(held_out=ALL_MOTIONS)
     known = pd.concat([motions, whole]).set_index(["subject", "held_out"])
-    part = rows["motion"].where(rows["subject"].isin(several), ALL_MOTIONS)
-    gaps = known.reindex(pd.MultiIndex.from_arrays([rows["subject"], part]))
+    some = rows[rows["subject"].isin(heldout["subject"])]  # of many subjects few are held out
+    part = some["motion"].where(some["subject"].isin(several), ALL_MOTIONS)
+    gaps = known.reindex(pd.MultiIndex.from_arrays([some["subject"], part])).set_axis(some.index)
     columns = {}
     for bone, name in HELD_OUT.items():
-        columns[name] = np.where(rows[f"{bone}_deg"].notna(), gaps[f"{bone}_gap_unseen_deg"].to_numpy(float), np.nan)
+        columns[name] = gaps[f"{bone}_gap_unseen_deg"].where(some[f"{bone}_deg"].notna()).reindex(rows.index)
     return rows.assign(**columns)
 
 

@@ -22,7 +22,7 @@ from adapt.own_bones.own_adaptation import NOT_CONVERGED, WORDS, People
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.positions_table import NO_POSITIONS, POSITIONS_FILE, with_positions
-from adapt.tables.results import OWN_WORD, Tables, as_csv
+from adapt.tables.results import OWN_WORD, Tables, as_csv, summary_blocks
 from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces, make_folder
@@ -165,8 +165,9 @@ class Parts:
             heldout=self._table(_name("heldout", k) for k in models),
             subjects={(work.models[k].name, state): self._table([_name("subjects", k, state)]) for state, k in states},
         )
-        for name in ("parameters", "heldout", "summary"):
+        for name in ("parameters", "heldout"):
             atomic_write_pieces(folder / f"{name}.csv", _pieces([getattr(tables, name)]))
+        atomic_write_pieces(folder / "summary.csv", _pieces(summary_blocks(tables.subjects, tables.heldout)))
         names = [_name("positions", k) for k in models]
         if any(len(rows) for rows in self._rows(names)):
             atomic_write_pieces(folder / POSITIONS_FILE, _pieces(as_table([rows]) for rows in self._rows(names)))
