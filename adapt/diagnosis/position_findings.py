@@ -164,8 +164,9 @@ def _unseen(
 
 
 def position_noise_mm(motions: Motions) -> float:
-    """Estimate the SD of one measured coordinate from what no smooth path of a landmark could be; NaN of too few."""
+    """Estimate the SD of one measured coordinate from what no smooth path of a landmark could be, at least the least
+    that may be given: places that were computed have none. NaN of too few."""
     places = [place for name, place in measured_places_mm(motions).items() if name in POSITIONS]
     every = variances(shoulders_of(motions), np.concatenate([np.zeros((0, len(motions.posture))), *places]).T)
     known = every[np.isfinite(every)]
-    return float(np.sqrt(known.mean())) if len(known) >= FEWEST else float("nan")
+    return max(LEAST_MM, float(np.sqrt(known.mean()))) if len(known) >= FEWEST else float("nan")

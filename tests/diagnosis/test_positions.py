@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
 from adapt.api import simulated_positions
-from adapt.diagnosis.position_findings import PositionTask, position_noise_mm
+from adapt.diagnosis.position_findings import LEAST_MM, PositionTask, position_noise_mm
 from adapt.evaluation.person_constants import constants_of, distances_mm, prior_of, root_mean_square_mm
 from adapt.evaluation.position_check import (
     Judge,
@@ -222,6 +222,13 @@ def test_the_noise_of_positions_is_what_no_smooth_path_has():
     assert position_noise_mm(motions) == pytest.approx(2.0, rel=0.15)
     few = motions.select(motions.posture <= 3)
     assert np.isnan(position_noise_mm(few))
+
+
+def test_places_that_never_change_have_the_least_noise():
+    """A model's SC, in every posture the same to the last digit: noise of 0 has no covariance."""
+    motions = simulate_subjects(3, seed=2)
+    still = replace(motions, landmarks_mm={"SC": np.tile([25.0, 5.0, -10.0], (len(motions.posture), 1))})
+    assert position_noise_mm(still) == LEAST_MM
 
 
 def test_what_the_search_sees_of_positions(measured):
