@@ -163,7 +163,7 @@ def where_problems(chosen: Any, new: Any, old: Any) -> Any:
         return new
     if not chosen.any():
         return old
-    return jax.tree.map(lambda one, other: np.where(chosen, one, other), new, old)
+    return jax.tree.map(lambda one, other: one if one is other else np.where(chosen, one, other), new, old)
 
 
 def with_problems(tree: Any, index: Any, values: Any) -> Any:

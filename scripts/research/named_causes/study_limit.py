@@ -32,7 +32,7 @@ from scripts.research.named_causes.synthetic_a.catalogue import draw_effect  # n
 from scripts.research.named_causes.synthetic_a.chain import Chain, read_chain  # noqa: E402
 from scripts.research.named_causes.synthetic_a.conventions import DEG, Array, Index, Mask  # noqa: E402
 from scripts.research.named_causes.synthetic_a.courses import Change  # noqa: E402
-from scripts.research.named_causes.synthetic_a.subjects import Subjects, lay_out, with_parameters  # noqa: E402
+from scripts.research.named_causes.synthetic_a.subjects import lay_out, with_parameters  # noqa: E402
 from scripts.research.named_causes.synthetic_a.world import (  # noqa: E402
     ELEVATIONS_DEG,
     LANDMARK_NOISE_MM,
@@ -77,8 +77,8 @@ def observed(case: Case) -> tuple[Observed, Observed, Change]:
     people, _, chain, q, _, open_ = close_subjects(base, postures, [change], seed)
     angles, places = measure(chain, q, [change])
 
-    def chain_at(theta_mm: Array, of: Subjects = people) -> Chain:
-        return with_parameters(base, replace(of, parameter_mm=theta_mm), postures)
+    def chain_at(theta_mm: Array) -> Chain:
+        return with_parameters(base, replace(people, parameter_mm=theta_mm), postures)
 
     sd_mm = LANDMARK_NOISE_MM if how.landmarks else np.inf
     shown = Observed(
@@ -118,7 +118,7 @@ def _at(
     shown: Observed, chain_at: Callable[[Array], Chain], theta: Array, h: Array, q: Array
 ) -> tuple[float, Array, Array, Array]:
     """The sum of squares, and the rows of every posture with their slopes in theta, the posture projected out."""
-    chain, subject = chain_at(theta), shown.subject
+    chain = chain_at(theta)
     by_theta = np.stack(
         [
             (chain_at(theta + one).gap(q)[0] - chain_at(theta - one).gap(q)[0]) / (2.0 * _STEP_MM)
@@ -138,7 +138,7 @@ def _at(
         rows = left - (basis @ (across @ left[..., None]))[..., 0]
         slopes = J @ along - basis @ (across @ (J @ along))
         q = q + back + (free @ np.linalg.solve(inner, across @ left[..., None]))[..., 0]
-    people = (theta / PERSON_SD_MM - h)[np.unique(subject)]
+    people = theta / PERSON_SD_MM - h
     return float((rows[shown.kept] ** 2).sum() + (people**2).sum() + h @ h), rows, slopes, q
 
 
