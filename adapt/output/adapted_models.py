@@ -47,8 +47,8 @@ _OWN_KEYS = (
 """Those that bones of the person's own change beside."""
 
 
-def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: pd.DataFrame, how: str) -> list[Path]:
-    """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
+def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: pd.DataFrame, how: str) -> None:
+    """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``.
 
     how: the options of the adaptation, for the [source] lines. The folder is one of
     ``adapt.output.run_files.transaction``.
@@ -58,7 +58,6 @@ def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: p
     theta_mm = parameters[[f"{name}_mm" for name in ADAPTED]].to_numpy(float)
     at_bound = parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool)
     own = parameters[[size.key for size in SIZES[len(ADAPTED) :] if size.key in parameters]]
-    written = []
     for number, (model, subject, word, path) in enumerate(_files(folder, parameters)):
         if word != status.OK:
             continue
@@ -67,8 +66,6 @@ def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: p
         sizes, why = (own.iloc[number].to_dict(), how) if is_own else ({}, how.replace(OWN_BONES, "plain"))
         text = adapted_toml(of_name[model], subject, theta_mm[number], flags, why, sizes)
         path.write_bytes(text.encode())  # not each whole or not at all: the folder is
-        written.append(path)
-    return written
 
 
 def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, str, Path]]:

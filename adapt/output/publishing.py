@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from adapt.output.written_files import DATA, LIST, RECORD, Written, last_written, listed
+from adapt.output.written_files import DATA, LIST, RECORD, Written, files_below, last_written, listed
 from motions.errors import InputError, warn_input
 from motions.files import atomic_write_pieces
 
@@ -30,7 +30,7 @@ def publish(staged: Path, folder: Path) -> None:
     stay = [name for name in old if name in DATA or {Path(name), *Path(name).parents} & read]
     # A run killed from here on leaves no file that the next one would not know.
     atomic_write_pieces(folder / LIST, [*new, *before.lines(before.hashes)])
-    _keep_aside(before, (one.relative_to(staged) for one in staged.rglob("*") if one.is_file()))
+    _keep_aside(before, files_below(staged))
     for part, place in places.items():
         part.replace(place)
     _remove(before, set(old).difference(stay))
@@ -43,7 +43,7 @@ def _places(staged: Path, folder: Path) -> dict[Path, Path]:
     parts: list[Path] = []
     for child in staged.iterdir():
         there = child.is_dir() and (folder / child.name).is_dir()
-        parts += [file for file in child.rglob("*") if file.is_file()] if there else [child]
+        parts += [child / name for name in files_below(child)] if there else [child]
     places = {part: folder / part.relative_to(staged) for part in parts}
     for part, place in places.items():
         if place.is_dir() or (part.is_dir() and place.exists()):  # found out before the first file is replaced
@@ -60,11 +60,11 @@ def _inputs_below(record: Path, folder: Path) -> set[Path]:
     return {path.relative_to(home) for path in resolved if path.is_relative_to(home)}
 
 
-def _keep_aside(before: Written, names: Iterable[Path]) -> None:
+def _keep_aside(before: Written, names: Iterable[str]) -> None:
     """Rename what is the user's own where a file is to be put, and say so."""
     for name in names:
         place = before.folder / name
-        if place.is_file() and not before.is_there(name.as_posix()):
+        if place.is_file() and not before.is_there(name):
             kept = _free_name(place)
             place.rename(kept)
             cause = "no run wrote this file, or it was changed since"
@@ -80,7 +80,7 @@ def _free_name(place: Path) -> Path:
 
 def _remove(before: Written, names: Iterable[str]) -> None:
     """Remove files of the run before, and what is then an empty folder; what was changed since gets another name."""
-    _keep_aside(before, map(Path, names))
+    _keep_aside(before, names)
     for name in names:
         place = before.folder / name
         place.unlink(missing_ok=True)

@@ -5,10 +5,12 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from itertools import chain
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -80,15 +82,6 @@ class Tables:
         """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4; and of what was held
         out."""
         return summary_of(self.subjects, self.heldout)
-
-    def select(self, subjects: Sequence[str]) -> "Tables":
-        """Select the tables of these subjects alone; these tables themselves if that is all."""
-        mine = self.parameters["subject"].isin(subjects)
-        if mine.all():
-            return self
-        fits = self.fits[self.fits["subject"].isin(subjects)]
-        heldout = self.heldout[self.heldout["subject"].isin(subjects)]
-        return Tables(fits, self.parameters[mine], heldout, rows_of_subjects(fits))
 
 
 def as_csv(table: pd.DataFrame) -> str:
@@ -202,48 +195,70 @@ def _means(fits: pd.DataFrame, *keys: str) -> pd.DataFrame:
 
 def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
     """Build the :func:`summary_table` of these rows of subjects, by model and state."""
-    return pd.concat(summary_blocks(subjects, heldout), ignore_index=True)
+    pieces = (summary_pieces(*key, lambda rows=rows: [rows], heldout) for key, rows in subjects.items())
+    return pd.concat(chain.from_iterable(pieces), ignore_index=True)
 
 
-def summary_blocks(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> Iterator[pd.DataFrame]:
-    """Build it block by block: the whole takes as much memory again as what it is made of."""
-    for (model, adapted), rows in subjects.items():
-        rows = _with_held_out(rows, heldout[heldout["model"] == model] if adapted else NOTHING)
-        motions = rows["motion"].unique()
-        # With one motion alone, all motions say the same.
-        for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
-            block = rows[rows["motion"] == motion].drop(columns="motion")
-            block = pd.concat([block, _statistics(block)], ignore_index=True)
-            block.insert(0, "motion", motion)
-            block.insert(0, "adapted", adapted)
-            block.insert(0, "model", model)
-            yield block
+def summary_pieces(
+    model: str, adapted: int, parts: Callable[[], Iterable[pd.DataFrame]], heldout: pd.DataFrame = NOTHING
+) -> Iterator[pd.DataFrame]:
+    """Build it of one model and state: motion by motion, and of each the rows part by part, then their statistics.
+
+    ``parts`` gives the rows of subjects anew each time, as there may be more of them than fit in memory.
+    """
+    found = _HeldOut.of(heldout[heldout["model"] == model] if adapted else NOTHING)
+    motions = list(dict.fromkeys(chain.from_iterable(rows["motion"].unique() for rows in parts())))
+    # With one motion alone, all motions say the same.
+    for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
+        numbers: list[pd.DataFrame] = []
+        for rows in parts():
+            block = found.beside(rows[rows["motion"] == motion])
+            numbers.append(block.drop(columns=["motion", "subject"]))
+            yield _labelled(block, model, adapted, motion)
+        yield _labelled(_statistics(pd.concat(numbers)), model, adapted, motion)
 
 
-def _with_held_out(rows: pd.DataFrame, heldout: pd.DataFrame) -> pd.DataFrame:
-    """The rows of subjects of one model with HELD_OUT, where there is a gap in sample to stand beside."""
-    if heldout.empty:
-        return rows.assign(**dict.fromkeys(HELD_OUT.values(), np.nan))
-    motions, whole = heldout[heldout["kind"] == MOTION], by_subject(heldout)
-    several = set(motions["subject"])
-    whole = whole[(whole["kind"] == MOTION) | ~whole["subject"].isin(several)].assign(held_out=ALL_MOTIONS)
-    known = pd.concat([motions, whole]).set_index(["subject", "held_out"])
-    some = rows[rows["subject"].isin(heldout["subject"])]  # of many subjects few are held out
-    part = some["motion"].where(some["subject"].isin(several), ALL_MOTIONS)
-    gaps = known.reindex(pd.MultiIndex.from_arrays([some["subject"], part])).set_axis(some.index)
-    columns = {}
-    for bone, name in HELD_OUT.items():
-        columns[name] = gaps[f"{bone}_gap_unseen_deg"].where(some[f"{bone}_deg"].notna()).reindex(rows.index)
-    return rows.assign(**columns)
+def _labelled(block: pd.DataFrame, model: str, adapted: int, motion: str) -> pd.DataFrame:
+    block = block[[name for name in block if name != "motion"]]
+    for name, value in (("motion", motion), ("adapted", adapted), ("model", model)):
+        block.insert(0, name, value)
+    return block
+
+
+class _HeldOut(NamedTuple):
+    """The gaps on held-out postures of the subjects of one model."""
+
+    gaps: pd.DataFrame
+    """By subject and what was held out."""
+    several: frozenset[str]
+    """Of whom each motion was."""
+
+    @staticmethod
+    def of(heldout: pd.DataFrame) -> "_HeldOut":
+        motions, whole = heldout[heldout["kind"] == MOTION], by_subject(heldout)
+        several = frozenset(motions["subject"])
+        whole = whole[(whole["kind"] == MOTION) | ~whole["subject"].isin(several)].assign(held_out=ALL_MOTIONS)
+        return _HeldOut(pd.concat([motions, whole]).set_index(["subject", "held_out"]), several)
+
+    def beside(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Give the rows of subjects with HELD_OUT, where there is a gap in sample to stand beside."""
+        some = rows[rows["subject"].isin(self.gaps.index.get_level_values("subject"))]  # of many few are held out
+        if some.empty:
+            return rows.assign(**dict.fromkeys(HELD_OUT.values(), np.nan))
+        part = some["motion"].where(some["subject"].isin(self.several), ALL_MOTIONS)
+        gaps = self.gaps.reindex(pd.MultiIndex.from_arrays([some["subject"], part])).set_axis(some.index)
+        columns = {}
+        for bone, name in HELD_OUT.items():
+            columns[name] = gaps[f"{bone}_gap_unseen_deg"].where(some[f"{bone}_deg"].notna()).reindex(rows.index)
+        return rows.assign(**columns)
 
 
 def _statistics(block: pd.DataFrame) -> pd.DataFrame:
-    values = block.drop(columns=["subject", "postures", "postures_ok"])
-    table = values.agg(list(STATISTICS))
+    table = block.drop(columns=["postures", "postures_ok"]).agg(list(STATISTICS))
     table.insert(0, "subject", list(STATISTICS))
     table["postures"] = block["postures"].sum()
     table["postures_ok"] = block["postures_ok"].sum()
-    return table.reset_index(drop=True)
+    return table.reset_index(drop=True)[["subject", *block]]
 
 
 def parameters_table(

@@ -1,6 +1,7 @@
 """The frames with the arm lowest: their angles, and whether those could be a person's at rest."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from motions.checks.motion_table import (
 from motions.checks.positions_and_angles import apart_from_angles, in_another_frame, still_places
 from motions.checks.signs import (
     BACKWARD,
+    courses_of,
     exchanged,
     likely_convention,
     protraction_runs_backward,
@@ -135,7 +137,6 @@ _OF_TABLE = (
     out_of_line,
     still_arm,
     total_of_others,
-    turned_in_one_motion,
 )
 """What is doubtful of the postures of one subject, each a cause and a remedy."""
 
@@ -163,11 +164,12 @@ class SubjectDoubts:
         self._columns.update(new)
         if doubt := not_read(new):
             warn_input(InputError(next(iter(files.values())), None, *doubt))
+        read = replace(motions, extra=motions.extra[[]])  # what is not read takes a fifth of the time
         for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
             if subject in self._seen:
                 continue
             self._seen.add(subject)
-            table = motions.take(mine)
+            table = read.take(mine)
             warnings = _doubts(table, subject, files[subject])
             key = angles_of(table)
             same = self._angles.get(key, subject)
@@ -201,8 +203,9 @@ def warn_of_subjects(motions: Motions, file: str) -> None:
 def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     """What is doubtful in the postures of one subject."""
     rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
-    found, signs = [], wrong_signs(mine)
-    exchange = exchanged(mine, signs)
+    courses, found = courses_of(mine), []
+    signs = wrong_signs(courses)
+    exchange = exchanged(courses, signs)
     of_exchange = () if exchange is None else exchange.columns
     signs = [one for one in signs if one.angle not in of_exchange]
     named = tuple(f"{angle}_deg" for angle in (*(one.angle for one in signs), *of_exchange))
@@ -213,7 +216,7 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     of_places = () if wrong or not positions else (in_another_frame, still_places, apart_from_angles)
     frame = next(filter(None, (check(mine, positions) for check in of_places)), None)
     backward = None if signs or exchange else protraction_runs_backward(mine)
-    doubts = (*(check(mine) for check in _OF_TABLE), backward, frame)
+    doubts = (*(check(mine) for check in _OF_TABLE), turned_in_one_motion(courses), backward, frame)
     found += [InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]) for doubt in doubts if doubt]
     if exchange is not None:
         remedy = f"Are the {'two' if len(exchange.columns) == 2 else 'three'} columns exchanged (docs/frames.md)?"
@@ -224,6 +227,6 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(InputError(file, None, f"{subject}: {corner}", CALL_IT_AA))
     if signs:
         cause = f"{subject}: {'; '.join(one.said for one in signs)}"
-        remedy = BACKWARD if runs_backward(mine) else likely_convention(signs)
+        remedy = BACKWARD if runs_backward(courses) else likely_convention(signs)
         found.append(InputError(file, None, cause, remedy))
     return found

@@ -12,6 +12,7 @@ left out.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -143,10 +144,36 @@ BEYOND_SCAPULA_DEG = 8.0
 scapulae turn laterally by 4 more and over, those of simulated girdles by 7 less at most."""
 
 
-def exchanged(motions: Motions, signs: Sequence[WrongSign]) -> Exchanged | None:
+class Courses(NamedTuple):
+    """Each angle of one subject with the arm low, and over 60 degrees of elevation, degrees; NaN where nothing says it.
+
+    And of each motion the line of every angle over elevation: its course, where it starts, at the lowest elevation (NaN
+    above LOW_DEG), and whether the motion is large enough for one.
+    """
+
+    rest: Float[np.ndarray, "6"]
+    course: Float[np.ndarray, "6"]
+    motions: tuple[str, ...]
+    of_motions: Float[np.ndarray, "motions 6"]
+    starts: Float[np.ndarray, "motions 6"]
+    large: Bool[np.ndarray, "motions 6"]
+
+
+def courses_of(motions: Motions) -> Courses:
+    """Find how the angles of one subject lie at rest and go while the arm rises, for all that is asked of it."""
+    elevation = motions.humerus_elevation_deg
+    low = elevation <= min(LOW_DEG, _lowest(elevation) + NEAR_DEG)  # NaN is not
+    of_motions, starts, large = _lines(motions)
+    has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
+    course = np.where(has_line, np.where(large, of_motions, 0.0).sum(axis=0) / count, np.nan)
+    rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
+    return Courses(rest, course, tuple(dict.fromkeys(motions.motion.tolist())), of_motions, starts, large)
+
+
+def exchanged(found: Courses, signs: Sequence[WrongSign]) -> Exchanged | None:
     """Find two or three angles of one bone whose columns are likely exchanged, by what people have at rest and over a
     course. ``signs``: they have to be likelier than the columns as they are with these turned round."""
-    rest, course = _rest_and_course(motions)
+    rest, course = found.rest, found.course
     turned = np.where(np.isin(ANGLES, [one.angle for one in signs]), -1.0, 1.0)
     mine, others = _squares(turned * rest, turned * course), _squares(rest[_ORDERS], course[_ORDERS])
     moved = np.arange(6) != _ORDERS
@@ -178,10 +205,10 @@ def _squares(rest: Float[np.ndarray, "*orders 6"], course: Float[np.ndarray, "*o
     return np.stack([of_rest, of_course]) ** 2
 
 
-def runs_backward(motions: Motions) -> bool:
+def runs_backward(found: Courses) -> bool:
     """Tell whether every angle goes the other way than in people while none has another sign at rest: the elevation is
     then measured from overhead, or is another motion's."""
-    rest, course = _rest_and_course(motions)
+    rest, course = found.rest, found.course
     known = np.isfinite(course) & (np.abs(_COURSE) > _COURSE_SD)
     at_rest = np.isfinite(rest) & (_REST != 0.0)
     backward = known.sum() >= _FEWEST_BACKWARD and (course * _COURSE < 0.0)[known].all()
@@ -194,9 +221,9 @@ _FEWEST_BACKWARD = 3
 """Courses: two go the other way with ISB's beta too."""
 
 
-def wrong_signs(motions: Motions) -> list[WrongSign]:
+def wrong_signs(found: Courses) -> list[WrongSign]:
     """Find the angles of one subject that likely have the other sign."""
-    rest, course = _rest_and_course(motions)
+    rest, course = found.rest, found.course
     by_rest, by_course = 2.0 * rest * _REST / _REST_SD**2, 2.0 * course * _COURSE / _COURSE_SD**2
     half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
     log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
@@ -212,17 +239,16 @@ TURNED_LOG_ODDS = 3.0
 """20 to 1 for the sign in one motion, and against it in another. Measured motions have 0 and more."""
 
 
-def turned_in_one_motion(motions: Motions) -> tuple[str, str] | None:
+def turned_in_one_motion(found: Courses) -> tuple[str, str] | None:
     """Find an angle that has its sign in one large motion, and the other in another: each motion begins at rest."""
-    courses, starts, large = _lines(motions)
-    by_rest, by_course = 2.0 * starts * _REST / _REST_SD**2, 2.0 * courses * _COURSE / _COURSE_SD**2
-    log_odds = np.where(large, np.nan_to_num(by_rest) + np.nan_to_num(by_course), 0.0)
+    by_rest, by_course = 2.0 * found.starts * _REST / _REST_SD**2, 2.0 * found.of_motions * _COURSE / _COURSE_SD**2
+    log_odds = np.where(found.large, np.nan_to_num(by_rest) + np.nan_to_num(by_course), 0.0)
     least, best = log_odds.argmin(axis=0), log_odds.max(axis=0)
-    found = np.flatnonzero((log_odds.min(axis=0) < -TURNED_LOG_ODDS) & (best > TURNED_LOG_ODDS))
-    if not len(found):
+    turned = np.flatnonzero((log_odds.min(axis=0) < -TURNED_LOG_ODDS) & (best > TURNED_LOG_ODDS))
+    if not len(turned):
         return None
-    names = list(dict.fromkeys(motions.motion.tolist()))
-    said = [f"{ANGLES[k]}_deg has another sign in {names[least[k]]!r} than in the other motions" for k in found]
+    where = [(ANGLES[k], found.motions[least[k]]) for k in turned]
+    said = [f"{angle}_deg has another sign in {motion!r} than in the other motions" for angle, motion in where]
     return "; ".join(said), "Is that motion of the other side, or are signs turned round in it (docs/frames.md)?"
 
 
@@ -253,16 +279,6 @@ def protraction_runs_backward(motions: Motions) -> tuple[str, str] | None:
     return f"scapula_y_deg changes by {slope} while the arm is held", remedy
 
 
-def _rest_and_course(motions: Motions) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
-    """Each angle with the arm low, and over 60 degrees of elevation; NaN where nothing says it."""
-    low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
-    courses, starts, large = _lines(motions)
-    has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
-    course = np.where(has_line, np.where(large, courses, 0.0).sum(axis=0) / count, np.nan)
-    rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
-    return rest, course
-
-
 def _medians(values: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "6"]:
     """Of what is known of each angle; NaN of nothing."""
     count = np.isfinite(values).sum(axis=0)
@@ -281,8 +297,7 @@ def _lowest(elevation_deg: Float[np.ndarray, " n"]) -> float:
 def _lines(
     motions: Motions,
 ) -> tuple[Float[np.ndarray, "motions 6"], Float[np.ndarray, "motions 6"], Bool[np.ndarray, "motions 6"]]:
-    """Of each motion, the least-squares line of every angle over elevation: degrees over 60, and degrees at the lowest
-    elevation (NaN above LOW_DEG); and whether it is large enough for one."""
+    """The least-squares lines of ``Courses``."""
     every: list[tuple[np.ndarray, ...]] = []
     for motion in dict.fromkeys(motions.motion.tolist()):
         rows = motions.motion == motion

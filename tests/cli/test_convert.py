@@ -160,10 +160,10 @@ def test_an_adapted_model_keeps_bounds_of_its_own_and_a_failed_one_leaves_nothin
     columns = {"model": "R2", "subject": ["good", "bad"], "status": ["ok", "not_converged"]}
     columns |= {f"{name}_mm": theta[k] for k, name in enumerate(ADAPTED)}
     columns |= {f"{name}_mm_at_bound": 0 for name in ADAPTED}
-    written = write_adapted_models(tmp_path, [own], pd.DataFrame(columns), "a test")
-    assert [path.name for path in written] == ["R2_good.toml"]
-    assert [path.name for path in (tmp_path / "models").iterdir()] == ["R2_good.toml"]
-    again = load_model(written[0])
+    write_adapted_models(tmp_path, [own], pd.DataFrame(columns), "a test")
+    (file,) = (tmp_path / "models").iterdir()
+    assert file.name == "R2_good.toml"
+    again = load_model(file)
     np.testing.assert_array_equal(again.girdle.adapted_mm, theta[:, 0])
     half_widths = [20.0, 30.0, 30.0, 100.0, 200.0, 8.0]
     np.testing.assert_allclose(again.bounds_mm[1] - theta[:, 0], half_widths, rtol=1e-12)

@@ -220,4 +220,4 @@ def test_where_nobody_was_adapted_no_gap_is_given():
     motions = read_motions(DATA_FILE)
     result = adapt_subjects(motions.select(motions.subject == motions.subjects[0]), load_model("R2"), held_out=())
     nobody = replace(result, parameters=result.parameters.assign(status=status.NOT_CONVERGED))
-    assert list(verdicts(nobody)) == ["R2: none of 1 subjects adapted."]
+    assert list(verdicts(nobody.parameters, nobody.heldout, nobody.summary)) == ["R2: none of 1 subjects adapted."]

@@ -30,6 +30,7 @@ from adapt.output.run_files import inputs_record, run_key
 from adapt.own_bones.own_adaptation import learn_people
 from adapt.solvers.rows import posture_rows
 from adapt.tables.held_out import NOTHING
+from adapt.tables.results import STATISTICS
 from models import load_model
 from motions import InputError, MotionStream, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
@@ -66,8 +67,8 @@ def asked(request, motion, tmp_path_factory) -> tuple[tuple[object, ...], Path]:
     return (*options, "--chunk", 1), folder
 
 
-def work(held_out: Iterable[str] = ()) -> Work:
-    return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset(), frozenset(held_out))
+def work(held_out: Iterable[str] = (), shown: Iterable[str] = ()) -> Work:
+    return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset(shown), frozenset(held_out))
 
 
 def assert_same_tables(folder: Path, expected: Path) -> None:
@@ -101,10 +102,27 @@ def test_a_part_is_what_its_subjects_are_alone(motion):
     folder.mkdir()
     made = Parts(folder, "key")
     made.make(work(motions.subjects), [motions], one_after_another, lambda _: None)
-    found, failed = made.merge(folder, work())
+    found = made.merge(folder, work(shown=motions.subjects))
     for name in ("summary", "parameters", "heldout"):
         pd.testing.assert_frame_equal(getattr(found, name), getattr(tables, name), check_exact=True)
-    assert failed == {}
+    pd.testing.assert_frame_equal(found.shown.fits, tables.fits, check_exact=True)
+    assert found.failed == {}
+
+
+def test_of_subjects_that_the_report_does_not_show_the_statistics_are_kept(motion):
+    motions = read_motions(motion)
+    folder = motion.parent / "some"
+    folder.mkdir()
+    made, one = Parts(folder, "key"), motions.subjects[1]
+    chunks = [motions.select(motions.subject == name) for name in motions.subjects]
+    made.make(work(), chunks, one_after_another, lambda _: None)
+    found = made.merge(folder, work(shown=[one]))
+    everybody = pd.read_csv(folder / "summary.csv")
+    kept = everybody[everybody["subject"].isin([one, *STATISTICS])].reset_index(drop=True)
+    pd.testing.assert_frame_equal(found.summary, kept, check_dtype=False, rtol=SAME, atol=SAME)
+    assert set(everybody["subject"]) == {*motions.subjects, *STATISTICS}
+    assert set(found.shown.parameters["subject"]) == set(found.shown.summary["subject"]) - {*STATISTICS} == {one}
+    assert found.parameters["subject"].nunique() == len(motions.subjects)
 
 
 def test_arrays_hold_a_table_exactly_and_a_part_without_rows_changes_nothing():

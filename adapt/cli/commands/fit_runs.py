@@ -35,14 +35,13 @@ from adapt.evaluation.held_out import sample
 from adapt.output.adapted_models import OWN_BONES, write_adapted_models
 from adapt.output.large_runs.dask_cluster import on_cluster
 from adapt.output.large_runs.local_processes import on_this_machine
-from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
+from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Merged, Parts, Work, failed_subjects
 from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
 from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.own_bones.own_adaptation import sample as own_sample
 from adapt.solvers.objective import OBJECTIVES
 from adapt.solvers.rows import posture_rows
-from adapt.tables.results import Tables
 from models.effects.amplitudes import described
 from models.person.family import AnyModel
 from motions import InputError, MotionStream
@@ -62,7 +61,7 @@ def fit_motions(
             write_fits(part, result)
             options = {"float32": float32, "angles": angles, "effect": effect}
             write_run(part, "fit", record, options, table.rejected)
-    print_summary(console, result.summary)
+    print_summary(console, result.summary, len(table.subjects))
     say_known(Known(effects))
     finish(table, failed_subjects(result.fits))
 
@@ -118,7 +117,7 @@ def adapt_motions(
             table = parts.make(work, chunks, maker, report)
             report("writing")
             with transaction(folder) as part:
-                result, failed = parts.merge(part, work)
+                result = parts.merge(part, work)
                 write_adapted_models(part, models, result.parameters, _in_words(work, asked.angles, known))
                 table = replace(table, rejected=(*files.rejected, *missing.values()))
                 write_run(part, "adapt", record, options, table.rejected)
@@ -126,15 +125,15 @@ def adapt_motions(
                     part,
                     table,
                     models,
-                    result.select(table.subjects),
-                    failed,
+                    result.shown,
+                    result.failed,
                     sampled_from=len(subjects),
                     active_effects=described(known.effects),
                     thorax_downweighting=less,
                 )
         _print_results(result, work, known, tables=tables)
         say_report(folder, wrong)
-    finish(table, failed)
+    finish(table, result.failed)
 
 
 def _check_objective(reading: str) -> None:
@@ -158,7 +157,7 @@ def _in_words(work: Work, angles: str, known: Known) -> str:
     return ", ".join([f"w = {work.weight:g}", f"objective {work.reading}", *of_angles, *own_bones, *known.texts])
 
 
-def _print_results(result: Tables, work: Work, known: Known, *, tables: bool) -> None:
+def _print_results(result: Merged, work: Work, known: Known, *, tables: bool) -> None:
     if tables:
         _print_tables(result)
     if work.people is not None:
@@ -166,7 +165,7 @@ def _print_results(result: Tables, work: Work, known: Known, *, tables: bool) ->
     say_known(known)
     if OBJECTIVES[work.reading].landmarks:
         print_without_landmarks(console, result.parameters)
-    print_verdicts(console, result)
+    print_verdicts(console, result.parameters, result.heldout, result.summary)
 
 
 def _people(
@@ -186,7 +185,8 @@ def _people(
         return learn_people(posture_rows(motions, known.effects), models)
 
 
-def _print_tables(result: Tables) -> None:
-    print_summary(console, result.summary)
+def _print_tables(result: Merged) -> None:
+    subjects = result.parameters["subject"].nunique()
+    print_summary(console, result.summary, subjects)
     print_parameters(console, result.parameters)
-    print_heldout(console, result.heldout, len(set(result.parameters["subject"])))
+    print_heldout(console, result.heldout, subjects)

@@ -24,22 +24,24 @@ _MOST_PRINTED = 100
 """Subjects of which each has a line."""
 
 
-def print_summary(console: Console, summary: pd.DataFrame) -> None:
-    """Print Tables 6.1-6.4: mean absolute differences, degrees, of all motions of a subject, by model and state."""
+def print_summary(console: Console, summary: pd.DataFrame, subjects: int) -> None:
+    """Print Tables 6.1-6.4: mean absolute differences, degrees, of all motions of a subject, by model and state.
+
+    ``subjects``: of how many there are; of many the statistics alone are printed.
+    """
     everything = summary[summary["motion"] == ALL_MOTIONS]
     for (model, adapted), rows in everything.groupby(["model", "adapted"], sort=False):
         state = "after adaptation" if adapted else "before adaptation"
         title = f"{model}, {state}: mean |simulated - measured|, degrees"
         table = folding_table(title, ("subject",), (*HEADERS, "clav", "scap"))
-        subjects = len(rows) - len(STATISTICS)
         if subjects > _MOST_PRINTED:
             console.print(f"{subjects} subjects: of each alone in summary.csv")
-            rows, subjects = rows.tail(len(STATISTICS)), 0
+            rows = rows.tail(len(STATISTICS))
         elif subjects == 1:  # its own mean, least and most, all the same
             rows = rows.head(1)
-        for number, row in enumerate(rows.to_dict("records")):
+        for number, row in enumerate(rows.to_dict("records"), 1):
             values = [row[f"{name}_deg"] for name in (*ANGLES, "clavicle", "scapula")]
-            table.add_row(row["subject"], *map(_cell, values), end_section=number == subjects - 1)
+            table.add_row(row["subject"], *map(_cell, values), end_section=number == len(rows) - len(STATISTICS))
         console.print(table)
         _print_missing(console, rows[~rows["subject"].isin(STATISTICS)])
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from adapt.solvers import status
 from adapt.tables.folds import MOTION, POSTURES
 from adapt.tables.held_out import by_model
-from adapt.tables.results import ALL_MOTIONS, Tables, parameter_statistics
+from adapt.tables.results import ALL_MOTIONS, parameter_statistics
 from motions.table import BONES
 
 _LEAST_WIDTH = 40
@@ -32,29 +32,27 @@ def print_folded(console: Console, text: str, first: str = "", further: str = " 
         console.print(line, soft_wrap=True)
 
 
-def print_verdicts(console: Console, result: Tables) -> None:
+def print_verdicts(console: Console, parameters: pd.DataFrame, heldout: pd.DataFrame, summary: pd.DataFrame) -> None:
     """Print for each parameter set how many subjects were adapted, the held-out gap, and the parameters at a bound."""
-    for line in verdicts(result):
+    for line in verdicts(parameters, heldout, summary):
         print_folded(console, line)
 
 
-def verdicts(result: Tables) -> Iterator[str]:
+def verdicts(parameters: pd.DataFrame, heldout: pd.DataFrame, summary: pd.DataFrame) -> Iterator[str]:
     """Say of each parameter set, in one line, what an adaptation with it is worth."""
-    bounds = parameter_statistics(result.parameters)
-    heldout = by_model(result.heldout) if len(result.heldout) else pd.DataFrame()
-    for model, rows in result.parameters.groupby("model", sort=False):
+    bounds = parameter_statistics(parameters)
+    gaps = by_model(heldout) if len(heldout) else pd.DataFrame()
+    for model, rows in parameters.groupby("model", sort=False):
         good = int((rows["status"] == status.OK).sum())
         mine = bounds[(bounds["model"] == model) & (bounds["at_bound"] > 0)]
         at_bound = ", ".join(f"{one.parameter} ({one.at_bound} of {one.subjects})" for one in mine.itertuples())
-        kinds = set(result.heldout["kind"][result.heldout["model"] == model]) if len(heldout) else set()
+        kinds = set(heldout["kind"][heldout["model"] == model])
         what = f"on held-out {_WHAT_WAS_HELD_OUT.get(frozenset(kinds), 'motions or postures')}"
-        gap = _held_out_gap(heldout.loc[model]) if model in heldout.index else ""
+        gap = _held_out_gap(gaps.loc[model]) if model in gaps.index else ""
         if not good:
             yield f"{model}: none of {len(rows)} subjects adapted."
             continue
-        said = (
-            f"gap {what}: {gap}" if gap else f"gap on the postures adapted to: {_in_sample_gap(result.summary, model)}"
-        )
+        said = f"gap {what}: {gap}" if gap else f"gap on the postures adapted to: {_in_sample_gap(summary, model)}"
         end = f"at a bound, not to be read: {at_bound}" if at_bound else "no parameter at a bound"
         yield f"{model}: {good} of {len(rows)} subjects adapted; {said}; {end}."
 

@@ -8,9 +8,11 @@ the tables, each written once. Then the parts go (``adapt.output.publishing``).
 """
 
 import io
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,7 +24,7 @@ from adapt.own_bones.own_adaptation import NOT_CONVERGED, WORDS, People
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.positions_table import NO_POSITIONS, POSITIONS_FILE, with_positions
-from adapt.tables.results import OWN_WORD, Tables, as_csv, summary_blocks
+from adapt.tables.results import OWN_WORD, STATISTICS, Tables, as_csv, rows_of_subjects, summary_pieces
 from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces, make_folder
@@ -117,6 +119,20 @@ def one_after_another(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]
         yield number, work.part(motions)
 
 
+class Merged(NamedTuple):
+    """What a run needs of its tables once they are written."""
+
+    shown: Tables
+    """Of the subjects that the report shows."""
+    parameters: pd.DataFrame
+    heldout: pd.DataFrame
+    """Of all."""
+    summary: pd.DataFrame
+    """Statistics over all, with the rows of the subjects that the report shows."""
+    failed: Mapping[str, str]
+    """By subject, what failed of all."""
+
+
 class Parts:
     """The parts of one run, made and to be made."""
 
@@ -143,38 +159,50 @@ class Parts:
             atomic_write_bytes(self._path(number), part)
         return Motions.concatenate(shown)
 
-    def merge(self, folder: Path, work: Work) -> tuple[Tables, dict[str, str]]:
+    def merge(self, folder: Path, work: Work) -> Merged:
         """Write fits.csv, parameters.csv, heldout.csv, summary.csv and, where landmarks were measured, positions.csv.
 
-        The tables, fits only of the subjects that the report shows; and by subject what failed.
+        A table of a row a posture, or of several rows a subject, is in memory a part at a time.
         """
         models = range(len(work.models))
         states = [(state, k) for state in _STATES for k in models]
         shown: list[pd.DataFrame] = []
+        summary: list[pd.DataFrame] = []
 
         def every_fit() -> Iterator[pd.DataFrame]:
-            for rows in self._rows(_name("fits", k, state) for state, k in states):
-                table = as_table([rows])
+            for table in self._tables(_name("fits", k, state) for state, k in states):
                 shown.append(table[table["subject"].isin(work.shown)])
                 yield table
 
         atomic_write_pieces(folder / "fits.csv", _pieces(every_fit()))
-        tables = Tables(
-            fits=pd.concat(shown, ignore_index=True),
-            parameters=self._table(_name("parameters", k) for k in models),
-            heldout=self._table(_name("heldout", k) for k in models),
-            subjects={(work.models[k].name, state): self._table([_name("subjects", k, state)]) for state, k in states},
-        )
-        for name in ("parameters", "heldout"):
-            atomic_write_pieces(folder / f"{name}.csv", _pieces([getattr(tables, name)]))
-        atomic_write_pieces(folder / "summary.csv", _pieces(summary_blocks(tables.subjects, tables.heldout)))
+        fits = pd.concat(shown, ignore_index=True)
+        parameters, heldout = (as_table(self._rows(_name(one, k) for k in models)) for one in ("parameters", "heldout"))
+
+        def every_summary() -> Iterator[pd.DataFrame]:
+            for state, k in states:
+                parts = partial(self._tables, [_name("subjects", k, state)])
+                for table in summary_pieces(work.models[k].name, state, parts, heldout):
+                    kept = table[table["subject"].isin([*work.shown, *STATISTICS])]
+                    summary.extend([kept] if len(kept) else [])
+                    yield table
+
+        for name, pieces in (("parameters", [parameters]), ("heldout", [heldout]), ("summary", every_summary())):
+            atomic_write_pieces(folder / f"{name}.csv", _pieces(pieces))
         names = [_name("positions", k) for k in models]
         if any(len(rows) for rows in self._rows(names)):
-            atomic_write_pieces(folder / POSITIONS_FILE, _pieces(as_table([rows]) for rows in self._rows(names)))
-        return tables, {subject: why for pairs in self._rows(["failed"]) for subject, why in pairs.tolist()}
+            atomic_write_pieces(folder / POSITIONS_FILE, _pieces(self._tables(names)))
+        failed = {subject: why for pairs in self._rows(["failed"]) for subject, why in pairs.tolist()}
+        mine = (table[table["subject"].isin(work.shown)] for table in (parameters, heldout))
+        return Merged(
+            Tables(fits, *mine, rows_of_subjects(fits)),
+            parameters,
+            heldout,
+            pd.concat(summary, ignore_index=True),
+            failed,
+        )
 
-    def _table(self, names: Iterable[str]) -> pd.DataFrame:
-        return as_table(list(self._rows(names)))
+    def _tables(self, names: Iterable[str]) -> Iterator[pd.DataFrame]:
+        return (as_table([rows]) for rows in self._rows(names))
 
     def _rows(self, names: Iterable[str]) -> Iterator[Rows]:
         """The arrays of these names, name by name of all parts, one of them in memory at a time."""

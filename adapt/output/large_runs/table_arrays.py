@@ -2,7 +2,7 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Tables as numpy arrays with a field a column: what a file without pickle holds, every number as it is."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
@@ -23,7 +23,11 @@ def _text(column: pd.Series) -> Shaped[np.ndarray, " rows"]:
     return np.array(column.tolist(), dtype=str)
 
 
-def as_table(parts: Sequence[Rows]) -> pd.DataFrame:
+def as_table(parts: Iterable[Rows]) -> pd.DataFrame:
     """Turn arrays of the same columns into one table; a part without rows has no say in what its columns are."""
-    tables = [pd.DataFrame(rows) for rows in parts if len(rows)]
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=list(parts[0].dtype.names or ()))
+    tables: list[pd.DataFrame] = []
+    names: tuple[str, ...] = ()
+    for rows in parts:
+        names = rows.dtype.names or ()
+        tables.extend([pd.DataFrame(rows)] if len(rows) else [])
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=list(names))

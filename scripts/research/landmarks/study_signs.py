@@ -17,7 +17,7 @@ import pandas as pd
 
 from models.parameter_sets import FOLDER
 from motions import ANGLES, Motions, read_motions
-from motions.checks.signs import exchanged, wrong_signs
+from motions.checks.signs import courses_of, exchanged, wrong_signs
 from motions.rhythm_subjects import simulate_subjects
 from scripts.research.named_causes.synthetic_a import make_world
 from scripts.research.named_causes.synthetic_b.worlds import Case, write_case
@@ -64,8 +64,9 @@ def judged(people: Iterable[Motions]) -> dict[str, int]:
     """Count those with a warning, and of each angle turned round those without."""
     count, warned, turned, missed = 0, 0, 0, dict.fromkeys(ANGLES, 0)
     for one in people:
-        signs = wrong_signs(one)
-        count, warned = count + 1, warned + bool(signs or exchanged(one, signs))
+        courses = courses_of(one)
+        signs = wrong_signs(courses)
+        count, warned = count + 1, warned + bool(signs or exchanged(courses, signs))
         for k, angle in enumerate(ANGLES):
             if np.nanmax(np.abs(2.0 * one.angles_deg[:, k])) > LARGE_DEG:
                 flip = np.where(np.arange(6) == k, -1.0, 1.0)
@@ -75,7 +76,7 @@ def judged(people: Iterable[Motions]) -> dict[str, int]:
 
 
 def _named(motions: Motions) -> set[str]:
-    return {one.angle for one in wrong_signs(motions)}
+    return {one.angle for one in wrong_signs(courses_of(motions))}
 
 
 def main() -> None:
