@@ -219,10 +219,8 @@ def summary_pieces(
 
 
 def _labelled(block: pd.DataFrame, model: str, adapted: int, motion: str) -> pd.DataFrame:
-    block = block[[name for name in block if name != "motion"]]
-    for name, value in (("motion", motion), ("adapted", adapted), ("model", model)):
-        block.insert(0, name, value)
-    return block
+    known = {"model": model, "adapted": adapted, "motion": motion}
+    return block.assign(**known)[[*known, *(name for name in block if name not in known)]]
 
 
 class _HeldOut(NamedTuple):

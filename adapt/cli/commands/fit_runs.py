@@ -186,7 +186,7 @@ def _people(
 
 
 def _print_tables(result: Merged) -> None:
-    subjects = result.parameters["subject"].nunique()
+    subjects = len(set(result.parameters["subject"]))
     print_summary(console, result.summary, subjects)
     print_parameters(console, result.parameters)
     print_heldout(console, result.heldout, subjects)

@@ -8,7 +8,7 @@ the tables, each written once. Then the parts go (``adapt.output.publishing``).
 """
 
 import io
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -129,7 +129,7 @@ class Merged(NamedTuple):
     """Of all."""
     summary: pd.DataFrame
     """Statistics over all, with the rows of the subjects that the report shows."""
-    failed: Mapping[str, str]
+    failed: dict[str, str]
     """By subject, what failed of all."""
 
 
