@@ -145,7 +145,7 @@ def adapt_subjects(
     (``scripts/research/speed/measure_float32.py``); where E has several optima, one subject in a thousand ends in
     another one, as often a lower as a higher one.
 
-    ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
+    ``effects`` that are known to be active, before as after adaptation: the amplitude of each direction by name,
     ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
     each subject is adapted too. ``"measured"``, of ``sc_translation`` and ``ac_translation``: the joint moves as the
     positions in the motions say, about means over all postures of the subject, those held out too. See

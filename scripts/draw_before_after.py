@@ -104,7 +104,7 @@ def share_span(panels: list[Axes]) -> None:
         axes.set_yticks([TICK_DEG * tick for tick in ticks])
 
 
-def draw(rows: pd.DataFrame, title: str, unseen_deg: Mapping[str, float]) -> Figure:
+def draw(rows: pd.DataFrame, title: str, gap_held_out_deg: Mapping[str, float]) -> Figure:
     """The figure of one subject, model and motion, in the current style; with the gap held out, by bone."""
     figure = Figure(figsize=(8.0, 5.4), layout="constrained")
     grid = figure.subplots(2, 3, sharex=True)
@@ -118,7 +118,7 @@ def draw(rows: pd.DataFrame, title: str, unseen_deg: Mapping[str, float]) -> Fig
         axes.set_xlabel("humerus elevation, degrees")
         axes.xaxis.set_major_locator(MultipleLocator(ELEVATION_TICK_DEG))
     figure.suptitle(f"{title}\n", x=0.01, ha="left", fontsize=10.0)  # a line for the note
-    held_out = ", ".join(f"{bone} {gap:.1f}°" for bone, gap in unseen_deg.items())
+    held_out = ", ".join(f"{bone} {gap:.1f}°" for bone, gap in gap_held_out_deg.items())
     note = "grey: mean |simulated − measured|, before → after" + (f"; held out: {held_out}" if held_out else "")
     figure.text(0.01, 0.95, note, ha="left", va="top", **NOTE)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -143,9 +143,9 @@ def main(
         raise InputError(str(fits), None, "there are no fits before and after adaptation", "Run `girdle adapt`")
     first = rows.iloc[0]
     text = f"{title or first['subject']}, {first['motion']}, parameter set {first['model']}"
-    unseen_deg = held_out_deg(fits.parent / "summary.csv", *(first[name] for name in NAMES))
+    gap_held_out_deg = held_out_deg(fits.parent / "summary.csv", *(first[name] for name in NAMES))
     prepare_folder(out.parent)
-    atomic_write(out, svg(lambda: draw(rows, text, unseen_deg)))
+    atomic_write(out, svg(lambda: draw(rows, text, gap_held_out_deg)))
 
 
 if __name__ == "__main__":

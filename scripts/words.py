@@ -1,4 +1,4 @@
-"""The words of the pages: how many there are, which of them the glossary replaces, and how easily they read.
+"""The words of the pages and of the code: which of them the glossary replaces; of the pages how many, how easily read.
 
     python scripts/words.py            # what is wrong, a line each; exit status 1 if anything is
     python scripts/words.py --ease     # Flesch reading ease of each page
@@ -8,6 +8,7 @@ prose: only the count has them.
 """
 
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -53,8 +54,8 @@ NOBODY_UNDERSTOOD = (
 )
 """Of sentences that readers of the pages had to read twice."""
 
-WAITING: set[str] = set()
-"""Pages whose figures are being measured: counted, and not yet held to the words."""
+OF_PAGES = "not seen|have seen|has seen|had not seen"
+"""In code a marker is not seen."""
 
 _BLOCK = re.compile(r"^```[^\n]*\n.*?^```|\$\$.*?\$\$|`[^`\n]*`|\$[^$\n]+\$|\]\([^)\s]*\)", re.MULTILINE | re.DOTALL)
 _TABLE = re.compile(r"^\|.*$|^#.*$", re.MULTILINE)
@@ -81,12 +82,26 @@ def findings(page: Path) -> Iterator[str]:
     """Say of each line of a page which word has a term in the glossary, or tells history."""
     name, text = str(page.relative_to(ROOT)), page.read_text("utf-8")
     yield from (f"{name}: nobody understood '{one}'" for one in NOBODY_UNDERSTOOD if one in " ".join(text.split()))
-    if name in WAITING:
-        return
     for number, line in enumerate(prose(text).splitlines(), 1):
         for pattern, term in {**{rf"\b(?:{word})\b": term for word, term in REPLACED.items()}, **HISTORY}.items():
             if found := re.search(pattern, line):
                 yield f"{name}:{number}: '{found.group()}': {term}"
+
+
+def code_files() -> list[Path]:
+    """List the modules of the library."""
+    return sorted(path for folder in ("adapt", "models", "motions") for path in (ROOT / folder).rglob("*.py"))
+
+
+def code_findings(file: Path) -> Iterator[str]:
+    """Say of each docstring and comment of a module which word has a term in the glossary."""
+    replaced = {rf"\b(?:{word})\b": term for word, term in REPLACED.items() if word != OF_PAGES}
+    with file.open("rb") as lines:
+        for token in tokenize.tokenize(lines.readline):
+            if token.type == tokenize.COMMENT or token.string.startswith('"""'):
+                for pattern, term in replaced.items():
+                    if found := re.search(pattern, prose(token.string)):
+                        yield f"{file.relative_to(ROOT)}:{token.start[0]}: '{found.group()}': {term}"
 
 
 def reading_ease(text: str) -> float:
@@ -109,12 +124,13 @@ app = typer.Typer(add_completion=False)
 def main(
     ease: Annotated[bool, typer.Option("--ease", help="Print Flesch's reading ease of each page instead.")] = False,
 ) -> None:
-    """Say what is wrong with the words of the user pages, a line each; exit status 1 if anything is."""
+    """Say what is wrong with the words of pages and code, a line each; exit status 1 if anything is."""
     if ease:
         for page in user_pages():
             print(f"{reading_ease(page.read_text('utf-8')):5.1f}  {page.relative_to(ROOT)}")
         return
     wrong = [one for page in user_pages() for one in findings(page)]
+    wrong += [one for file in code_files() for one in code_findings(file)]
     if (count := word_count()) > MOST_WORDS:
         wrong.append(f"user pages have {count} words, at most {MOST_WORDS}")
     if wrong:

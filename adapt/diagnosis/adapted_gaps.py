@@ -25,11 +25,11 @@ class AdaptedGaps:
 
     rows: PostureRows
     chain: AnyGirdle
-    """Of all subjects, adapted, with the effects at work: (component, postures, subjects)."""
+    """Of all subjects, adapted, with the effects active: (component, postures, subjects)."""
     adapted: Adapted
     in_sample: BoneGaps
     """Over the postures of each subject, then over subjects: the mean of summary.csv."""
-    unseen: Mapping[str, BoneGaps]
+    held_out: Mapping[str, BoneGaps]
     """By what is held out, MOTION (where there are several) or POSTURES: the mean of the rows of heldout.csv."""
     found: AdaptedSubjects
     """The adaptations themselves."""
@@ -50,7 +50,7 @@ class BaseGaps:
     """The same of the model as it is."""
 
     in_sample: BoneGaps
-    unseen: Mapping[str, BoneGaps]
+    held_out: Mapping[str, BoneGaps]
     """On the postures that are held out."""
 
 
@@ -61,8 +61,8 @@ def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:
     after = np.abs(np.where(adapted.status == status.OK, adapted.angles, np.nan) - measured) * float(DEG)
     everyone = _persons(rows.subjects, person)
     chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
-    unseen = _of_folds(found.held_out.unseen_deg, found.held_out.folds, everyone)
-    return AdaptedGaps(rows, chain, adapted, _of_subjects(list(np.moveaxis(after, -1, 0)), everyone), unseen, found)
+    held_out = _of_folds(found.held_out.gaps_deg, found.held_out.folds, everyone)
+    return AdaptedGaps(rows, chain, adapted, _of_subjects(list(np.moveaxis(after, -1, 0)), everyone), held_out, found)
 
 
 def base_gaps(motions: Motions, before: PostureSolution, folds: Sequence[Fold], person: Mapping[str, int]) -> BaseGaps:

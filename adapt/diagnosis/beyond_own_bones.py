@@ -1,11 +1,11 @@
-"""The null that every cause is held against: people have bones of their own (``adapt.own_bones``).
+"""The null that every cause is held against: people have own bones (``adapt.own_bones``).
 
-A cause is named if it predicts what bones of each person's own do not. With a set of causes V, their sizes from other
+A cause is named if it predicts what own bones do not. With a set of causes V, their sizes from other
 persons on other motions,
 
     share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
 
-of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
+of motions held out of the person's bones. Causes with which the others predict no better go, the worst first;
 all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over persons drawn anew. What measured
 positions show stands.
 
@@ -32,7 +32,7 @@ from adapt.diagnosis.inference.computed_axial_rotation import is_its_zero
 from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities
-from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size, own_effects
+from adapt.diagnosis.population_amplitudes import effects_of_folds, no_size, own_effects
 from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
 from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
@@ -73,7 +73,7 @@ _FEW = 4
 """Causes, of which all 16 sets are predicted side by side."""
 
 
-class Rung(NamedTuple):
+class BudgetStep(NamedTuple):
     """Own bones with some causes, in every fold."""
 
     added: str
@@ -93,7 +93,7 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True)
 class OwnBonesNull:
-    """Adaptations with bones of each person's own, with causes or without."""
+    """Adaptations with own bones, with causes or without."""
 
     search: Search
     model: AnyModel
@@ -115,7 +115,7 @@ class OwnBonesNull:
 
     @property
     def people(self) -> People:
-        """How these persons differ where no cause is at work."""
+        """How these persons differ where no cause is active."""
         return self.people_with((), ())
 
     def people_with(self, hypothesis: Hypothesis, named: Hypothesis) -> People:
@@ -148,7 +148,7 @@ class OwnBonesNull:
         return gaps_of(adapt_with_folds(rows, [self.model], folds, people=self.people, effects=own), self.person)
 
     def predict(self, hypotheses: Sequence[Hypothesis], named: Hypothesis) -> None:
-        """Predict what is held out with sets of causes whose sizes have not seen it, each once, side by side.
+        """Predict what is held out with sets of causes, their sizes fitted without it, each once, side by side.
 
         Those ``named`` that are not in a set have the size 0: one compiled program serves all sets of them."""
         missing = [one for one in dict.fromkeys(hypotheses) if (one, named) not in self.found]
@@ -165,14 +165,14 @@ class OwnBonesNull:
         for k, one in enumerate(missing):
             self.found[one, named] = every.of(np.arange(k * count, (k + 1) * count))
 
-    def unseen(self, hypothesis: Hypothesis, named: Hypothesis) -> HeldOut:
+    def held_out(self, hypothesis: Hypothesis, named: Hypothesis) -> HeldOut:
         """Give what is held out with a set of causes."""
         self.predict([hypothesis], named)
         return self.found[hypothesis, named]
 
     def gaps_deg(self, hypothesis: Hypothesis, named: Hypothesis) -> Float[np.ndarray, "folds 6"]:
         """Average what it leaves of each angle in each fold."""
-        return np.array([known_mean(gaps) for gaps in self.unseen(hypothesis, named).unseen_deg])
+        return np.array([known_mean(gaps) for gaps in self.held_out(hypothesis, named).gaps_deg])
 
     def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
         """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
@@ -207,8 +207,8 @@ class OwnBonesNull:
         that was named."""
         return self.probability(kept if any(map(self.is_held, kept)) else named, named, floor_deg)
 
-    def ladder(self, chosen: Hypothesis, named: Hypothesis) -> list[Rung]:
-        """Add causes one by one, the one that takes most of the unseen gap first; they were chosen of ``named``."""
+    def budget(self, chosen: Hypothesis, named: Hypothesis) -> list[BudgetStep]:
+        """Add causes one by one, the one that takes most of the held-out gap first; they were chosen of ``named``."""
         sets, order = [chosen], []
         if len(chosen) <= _FEW:  # all at once takes less time than a few one after the other
             self.predict([one for count in range(len(chosen) + 1) for one in combinations(chosen, count)], named)
@@ -218,13 +218,13 @@ class OwnBonesNull:
             order.append(dropped)
             sets.append(without(sets[-1], dropped))
         pairs = zip(["", *reversed(order)], reversed(sets), strict=True)
-        return [Rung(name, one, self.gaps_deg(one, named)) for name, one in pairs]
+        return [BudgetStep(name, one, self.gaps_deg(one, named)) for name, one in pairs]
 
-    def gains(self, rungs: list[Rung], named: Hypothesis, floor_deg: float) -> dict[str, Gain]:
-        """Say what each cause of a ladder takes beside those before it."""
+    def gains(self, steps: list[BudgetStep], named: Hypothesis, floor_deg: float) -> dict[str, Gain]:
+        """Say what each cause of a gap budget takes beside those before it."""
         return {
-            rung.added: self._gain(before.hypothesis, rung.hypothesis, named, floor_deg)
-            for before, rung in pairwise(rungs)
+            step.added: self._gain(before.hypothesis, step.hypothesis, named, floor_deg)
+            for before, step in pairwise(steps)
         }
 
     def _gain(self, less: Hypothesis, more: Hypothesis, named: Hypothesis, floor_deg: float) -> Gain:
@@ -273,7 +273,7 @@ class OwnBonesNull:
         return float(probabilities([np.array(none), np.array(some)])[1])
 
     def is_constant(self, name: str) -> bool:
-        """Tell whether a cause is one that own bones hold, and not known to be at work."""
+        """Tell whether a cause is one that own bones hold, and not known to be active."""
         return cause_of(name) in OWN_CONSTANTS and name not in self.search.known
 
     def tested_on(self, name: str) -> tuple[str, ...]:
@@ -282,11 +282,11 @@ class OwnBonesNull:
             return ("positions",)
         if not self.is_held(name):
             return ("angles",) if name in self.search.known else ("evidence",)
-        unseen = "other_motion", "other_person"
-        return unseen if self.folds[0].kind == PERSON else unseen[:1]
+        kinds = "other_motion", "other_person"
+        return kinds if self.folds[0].kind == PERSON else kinds[:1]
 
     def is_held(self, name: str) -> bool:
-        """Tell whether own bones are a null for this cause, which neither is known to be at work nor was seen."""
+        """Tell whether own bones are a null for this cause, which neither is known to be active nor was seen."""
         known = self.is_constant(name) or name in self.search.known
         return not known and cause_of(name) not in self.seen
 

@@ -8,12 +8,12 @@ from threadpoolctl import threadpool_limits
 
 from adapt.api import Adaptations, adapt_with_every_fold
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, base_gaps, gaps_of
-from adapt.diagnosis.beyond_own_bones import OwnBonesNull, Rung
+from adapt.diagnosis.beyond_own_bones import BudgetStep, OwnBonesNull
 from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
 from adapt.diagnosis.inference.alternatives import with_what_does_as_well
-from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
+from adapt.diagnosis.inference.amplitude import amplitude_without_size, amplitudes, of_landmarks
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
@@ -146,7 +146,7 @@ class _Study:
         declared: tuple[str, ...],
         noise_deg: float | None,
     ) -> Diagnosis:
-        """Search, weigh, name, and measure what the names are worth beside bones of each person's own."""
+        """Search, weigh, name, and measure what the names are worth beside own bones."""
         search, shoulders = self.search.run(), self.shoulders
         candidates = search.joint.candidates
         none = search.without_causes
@@ -156,7 +156,7 @@ class _Study:
         tested = can_test(shoulders.kinds, shoulders.persons)
         named = name_causes(search) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
-        self.progress("bones of each person's own")
+        self.progress("own bones")
         other = named.hypothesis
         null = OwnBonesNull(search, self.model, self.motions, self.library, self.person, seen=named.seen)
         own_bones = null.adapted()
@@ -165,9 +165,9 @@ class _Study:
         if rejected:
             kept = null.tested(standing(search, kept, named.seen, weights.inclusion), other, mean_floor)
         weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
-        rungs = null.ladder(kept, other)
-        gains = null.gains(rungs, other, mean_floor)
-        order = [rung.added for rung in rungs[1:]]
+        of_causes = null.budget(kept, other)
+        gains = null.gains(of_causes, other, mean_floor)
+        order = [step.added for step in of_causes[1:]]
         sizes = amplitudes(search, kept, named.seen)
         sizes = {name: sizes[name] for name in order}
         known = {name: one.amplitude for name, one in sizes.items() if one.amplitude is not None}
@@ -176,8 +176,8 @@ class _Study:
         plain = self.plain.of(self.model.name)
         base = base_gaps(self.motions, self.plain.before[self.model.name], plain.held_out.folds, self.person)
         adapted = gaps_of(plain, self.person)
-        gaps = self._gaps((base, adapted, own_bones, with_causes), null, rungs, floor)
-        budget = self._budget(gaps, null, rungs)
+        gaps = self._gaps((base, adapted, own_bones, with_causes), null, of_causes, floor)
+        budget = self._budget(gaps, null, of_causes)
         sets = {name: named.sets[name] for name in order}
         sets = with_what_does_as_well(sets, candidates.causes, self.task.only_angles)
         causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
@@ -185,7 +185,7 @@ class _Study:
         against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected, search.known)
         shown = with_causes if tested else adapted
         verdict = self._verdict(causes, weights, gaps, shown, noise, against, rejected)
-        others = null.unseen(kept, other) if gaps.other_person else None
+        others = null.held_out(kept, other) if gaps.other_person else None
         before, used = self.plain.before[self.model.name], search.joint.positions is not None
         off_deg = search.shared_turn_deg if rejected and angles_contradict_landmarks(search) else 0.0
         return Diagnosis(
@@ -226,7 +226,7 @@ class _Study:
         found = {cause.names[0]: one for cause, one in zip(verdict.causes, sizes.values(), strict=False)}
         for cause in verdict.causes[len(sizes) :]:
             effect = self.search.joint.candidates.effect(cause.names[0])
-            found[effect.name] = unseen_amplitude(effect)
+            found[effect.name] = amplitude_without_size(effect)
         return found
 
     def _verdict(
@@ -261,7 +261,7 @@ class _Study:
         self,
         found: tuple[BaseGaps, AdaptedGaps, AdaptedGaps, AdaptedGaps],
         null: OwnBonesNull,
-        rungs: list[Rung],
+        of_causes: list[BudgetStep],
         floor,
     ) -> Gaps:
         """The levels of each kind of gap: as it is, adapted, with own bones, with the causes."""
@@ -270,22 +270,22 @@ class _Study:
         noise_floor = by_bone(of_subject, person)
 
         def levels(kind: str) -> GapLevels | None:
-            return _levels(noise_floor, *(one.unseen[kind] for one in found)) if kind in found[0].unseen else None
+            return _levels(noise_floor, *(one.held_out[kind] for one in found)) if kind in found[0].held_out else None
 
         other_motion = levels(MOTION)
         other_person: GapLevels | None = None
         if null.folds[0].kind == PERSON and other_motion:
-            unseen = by_bone(rungs[-1].gaps_deg, null.persons)
-            other_person = {**other_motion, "with_effect": unseen}
+            with_effect = by_bone(of_causes[-1].gaps_deg, null.persons)
+            other_person = {**other_motion, "with_effect": with_effect}
         in_sample = _levels(noise_floor, *(one.in_sample for one in found))
         return Gaps(in_sample, levels(POSTURES) or in_sample, other_motion, other_person)
 
-    def _budget(self, gaps: Gaps, null: OwnBonesNull, rungs: list[Rung]) -> tuple[Step, ...]:
-        seen = gaps.other_motion or gaps.unseen
+    def _budget(self, gaps: Gaps, null: OwnBonesNull, of_causes: list[BudgetStep]) -> tuple[Step, ...]:
+        seen = gaps.other_motion or gaps.other_postures
         steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
         steps.append(Step(OWN_BONES, seen["own_bones"][ALL]))
-        for rung in rungs[1:]:
-            steps.append(Step(cause_of(rung.added), interval(known_mean(rung.gaps_deg), null.persons)))
+        for one in of_causes[1:]:
+            steps.append(Step(cause_of(one.added), interval(known_mean(one.gaps_deg), null.persons)))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
 
 
@@ -307,7 +307,7 @@ def _levels(
 
 
 def _probability(weights: Weights, inclusion: dict[str, float], answer: str, over: float) -> dict[str, float]:
-    """Share the probability of each set of causes between its causes; what is left over goes to unknown."""
+    """Share the probability of each set of causes between its causes; the rest goes to unknown."""
     found = dict.fromkeys(inclusion, 0.0)
     none = 0.0
     for hypothesis, p in weights.probability.items():

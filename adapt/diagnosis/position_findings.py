@@ -119,15 +119,15 @@ def judge_positions(
     used: bool,
     off_deg: float,
 ) -> Positions:
-    """Hold simulated positions against measured ones, in sample and on motions that neither adaptations nor constants
-    have seen. ``others``: adaptations with sizes of causes that have not seen the person either, of whom there are
-    several. ``used``: whether the search has seen the positions. ``off_deg``: by how much all angles contradict the
-    landmarks, if they do."""
+    """Hold simulated positions against measured ones, in sample and on motions held out of adaptations and constants.
+    ``others``: adaptations with the person held out of the sizes of causes too, where there are several. ``used``:
+    whether positions were data of the search. ``off_deg``: by how much all angles contradict the landmarks, if they
+    do."""
     rows = posture_rows(task.motions)
     judge = Judge.of(model, rows)
     base = as_they_are(model, rows, before)
     chains = {BASE: base, ADAPTED: adapted_to_all(adapted.found), WITH_CAUSES: adapted_to_all(with_causes.found)}
-    other_motion, other_person = _unseen(judge, base, adapted, with_causes, others)
+    other_motion, other_person = _held_out(judge, base, adapted, with_causes, others)
     return Positions(
         used=used,
         note="; ".join(filter(None, [task.note, _CONTRADICTED.format(off_deg) if off_deg else ""])),
@@ -142,7 +142,7 @@ def judge_positions(
     )
 
 
-def _unseen(
+def _held_out(
     judge: Judge,
     base: Chains,
     adapted: AdaptedGaps,

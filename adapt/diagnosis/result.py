@@ -40,7 +40,7 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True)
 class Cause:
-    """One cause at work: the names it may have."""
+    """One active cause: the names it may have."""
 
     names: tuple[str, ...]
     """Names that these data cannot tell apart, a credible set: that in the set of causes that is chosen, whose size is
@@ -48,7 +48,7 @@ class Cause:
     shares: tuple[float, ...]
     """Probability of each name in this place."""
     gain: float
-    """Share of what bones of each person's own leave of the gap on unseen motions, beyond noise, that it takes away,
+    """Share of what own bones leave of the gap on held-out motions, beyond noise, that it takes away,
     its size from other persons; NaN of what no gap shows."""
     t: float
     """That difference, paired by person, in its standard errors."""
@@ -67,15 +67,15 @@ class Verdict:
     """Those that predict motions and persons that were not fitted, the one that takes most of the gap first; then an
     estimate that the angles show themselves."""
     inclusion: dict[str, float]
-    """Probability of every candidate of being at work, alone or with others; the most probable first."""
+    """Probability of every candidate of being active, alone or with others; the most probable first."""
     probability: dict[str, float]
-    """Of every candidate, none, and unknown, the share of the gap that is left over; sums to 1. Causes at work together
+    """Of every candidate, none, and unknown, the unexplained share of the gap; sums to 1. Causes active together
     have equal parts."""
     not_named: Mapping[str, str] = field(default_factory=dict)
     """What speaks against each cause that is probable, and no name."""
 
-    def at_work(self, name: str) -> float:
-        """Look up the probability of a name of being at work; NaN of what is no candidate."""
+    def inclusion_of(self, name: str) -> float:
+        """Look up the probability of a name of being active; NaN of what is no candidate."""
         return self.inclusion.get(name, math.nan)
 
     @property
@@ -128,7 +128,7 @@ class CauseAmplitude:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the gap budget: the mean absolute gap on motions not seen, degrees."""
+    """One step of the gap budget: the mean absolute gap on held-out motions, degrees."""
 
     step: str
     """BASE, ADAPTED_STEP, OWN_BONES, the name of a cause that is added, or NOISE."""
@@ -139,7 +139,7 @@ BoneGaps = Mapping[str, Interval]
 """By bone: ALL, then those of ``motions.table.BONES``; degrees, with 95 % intervals over persons."""
 
 GapKind = Literal["noise_floor", "base", "adapted", "own_bones", "with_effect"]
-"""What noise alone leaves, and what the model leaves as it is, adapted, adapted with bones of each person's own, and
+"""What noise alone leaves, and what the model leaves as it is, adapted, adapted with own bones, and
 with the causes beside them."""
 
 GapLevels = Mapping[GapKind, BoneGaps]
@@ -150,7 +150,7 @@ class Gaps:
     """Gaps of `girdle adapt`, with `--own-bones`, and with the causes beside them, on what was fitted and what not."""
 
     in_sample: GapLevels
-    unseen: GapLevels
+    other_postures: GapLevels
     """Every third posture in turn, after the others."""
     other_motion: GapLevels | None
     """Each motion in turn, after the others; None where there is but one."""
@@ -159,12 +159,12 @@ class Gaps:
 
     @property
     def hardest(self) -> GapLevels:
-        """The most unseen gaps that there are."""
-        return self.other_person or self.other_motion or self.unseen
+        """The gaps of which most was held out."""
+        return self.other_person or self.other_motion or self.other_postures
 
     @property
     def shrinkage(self) -> float:
-        """How much of the adapted gap the causes take away, unseen: a fraction; NaN where unknown."""
+        """How much of the adapted gap the causes take away of the hardest: a fraction; NaN where unknown."""
         adapted, with_effect = self.hardest["adapted"][ALL].value, self.hardest["with_effect"][ALL].value
         return (adapted - with_effect) / adapted if adapted else 0.0
 
@@ -219,7 +219,7 @@ class Positions:
     """What measured positions of landmarks say of the simulated ones, each person with its own constants."""
 
     used: bool
-    """Whether the inference has seen them."""
+    """Whether they were data of the inference."""
     note: str
     """Why not, where they were to be used; what contradicts them; or empty."""
     noise_mm: float
@@ -227,9 +227,9 @@ class Positions:
     in_sample: StateGaps
     """NaN without measured positions."""
     other_motion: StateGaps | None
-    """Of motions that neither adaptation nor constants have seen; None where there is but one."""
+    """Of motions held out of adaptation and constants; None where there is but one."""
     other_person: StateGaps | None
-    """The same, and the sizes of the causes have not seen the person; None where there is but one."""
+    """The same, with the person held out of the sizes of the causes; None where there is but one."""
     not_told: tuple[str, ...]
     """Landmarks whose place in a person these positions do not tell."""
     motions: Motions
@@ -274,16 +274,16 @@ class Diagnosis:
     """By name and direction, what landmarks say of the sizes that candidates change, against the set: the diagnosis
     starts from it. Empty without landmarks."""
     budget: tuple[Step, ...]
-    """The gap on motions not seen: as it is, adapted, with one cause after the other, from noise alone."""
+    """The gap on held-out motions: as it is, adapted, with one cause after the other, from noise alone."""
     left_over_share: float
     """Share of the adapted gap beyond noise that the causes leave over; NaN where there is none."""
     gaps: Gaps
     parameters: dict[str, ParameterMeans]
     where: Where
     indistinguishable: list[list[str]]
-    """Candidates that do the same to these data, whatever is at work."""
+    """Candidates that do the same to these data, whatever is active."""
     lacking: tuple[str, ...]
-    """What to measure first, whatever is at work."""
+    """What to measure first, whatever is active."""
     next_measurement: list[Proposal]
     """What would tell names of a cause apart."""
     positions: Positions
@@ -300,7 +300,7 @@ class Diagnosis:
 
     @property
     def goes_further(self) -> bool:
-        """Whether there are causes beside bones of each person's own."""
+        """Whether there are causes beside own bones."""
         return bool(self.effects)
 
     @property

@@ -21,10 +21,10 @@ _HAS_OLD_EMITTERS = jax.__version_info__ < (0, 11)
 
 _UNFUSED = {"xla_disable_hlo_passes": "fusion", "xla_cpu_use_fusion_emitters": True} if _HAS_OLD_EMITTERS else {}
 """Compiler option for the streams of elementwise operations. JAX 0.10's fusion computes a shared value anew in each of
-its uses: measured on one sweep, 23 times the operations, 4 times the run time and 6 times the compilation. The emitters
-are XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes. JAX 0.12 does so where it
-may not fuse: measured on the posture sweep more than 60 s of CPU time, fused 13 s; 512 postures then take 0.34 s, in
-JAX 0.10 unfused 0.51 s."""
+its uses: measured on one such program, 23 times the operations, 4 times the run time and 6 times the compilation. The
+emitters are XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes. JAX 0.12 does so
+where it may not fuse: measured on posture fits more than 60 s of CPU time, fused 13 s; 512 postures then take 0.34 s,
+in JAX 0.10 unfused 0.51 s."""
 
 QUICK_TO_COMPILE = {
     "xla_backend_optimization_level": 0,

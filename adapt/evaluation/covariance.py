@@ -173,7 +173,7 @@ def reduced_inverse(
 def _noise_rad(
     data: Problems, adapted: Adapted, followed: Float[np.ndarray, " problems"]
 ) -> Float[np.ndarray, " problems"]:
-    """s; ``followed`` = tr(I^-1 I_J) parameters follow the errors. NaN where no angle is left over."""
+    """s; ``followed`` = tr(I^-1 I_J) parameters follow the errors. NaN where no angle is left."""
     counts = np.asarray(data.measured) & np.asarray(data.counted)[None]
     squares = np.where(counts, (adapted.angles - np.asarray(data.angles)) ** 2, 0.0).sum(axis=(0, 1))
     left = counts.sum(axis=(0, 1)) - 3 * np.asarray(data.counted).sum(axis=0) - followed

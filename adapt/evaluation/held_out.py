@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The gap on postures that an adaptation has not seen: every subject adapted, and again without each of its folds."""
+"""The gap on postures held out of an adaptation: every subject adapted, and again without each of its folds."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
 from adapt.evaluation.own_or_plain import Persons, own_bones, own_or_plain
-from adapt.evaluation.predictions import Adapt, Places, Unseen, gaps_of, predicted, unseen_angles
+from adapt.evaluation.predictions import Adapt, HeldOutAngles, Places, gaps_of, held_out_angles, predicted
 from adapt.own_bones.own_adaptation import OwnBones, People, spread_of, with_landmarks
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
@@ -43,11 +43,11 @@ class HeldOut:
     folds: tuple[Fold, ...]
     adapted: Adapted
     """Without the postures held out."""
-    unseen_deg: tuple[Float[np.ndarray, "6 tested"], ...]
+    gaps_deg: tuple[Float[np.ndarray, "6 tested"], ...]
     """|simulated - measured| at the postures tested, by problem; NaN where not measured and where a fit failed."""
     data: Problems
     """Of the folds, with the sizes that were found."""
-    unseen_angles: tuple[Float[np.ndarray, "6 tested"], ...]
+    angles: tuple[Float[np.ndarray, "6 tested"], ...]
     """Simulated at the postures tested, rad; NaN where a fit failed."""
 
     def of(self, chosen: Int[np.ndarray, " some"]) -> "HeldOut":
@@ -55,9 +55,9 @@ class HeldOut:
         return HeldOut(
             tuple(self.folds[k % len(self.folds)] for k in chosen),
             take_problems(self.adapted, chosen),
-            tuple(self.unseen_deg[k] for k in chosen),
+            tuple(self.gaps_deg[k] for k in chosen),
             take_problems(self.data, chosen),
-            tuple(self.unseen_angles[k] for k in chosen),
+            tuple(self.angles[k] for k in chosen),
         )
 
 
@@ -97,7 +97,7 @@ def adapt_with_folds(
 ) -> AdaptedSubjects:
     """Adapt every model to every subject, and again without what each fold holds out.
 
-    The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has bones of their own, and
+    The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has own bones, and
     may have ``effects`` of their own: (channels, postures, subjects and then folds), of one model.
     """
     data = problems_of(rows, models)
@@ -126,8 +126,8 @@ def _with_own_bones(
     people: People,
     effects: ActiveEffects | None,
 ) -> AdaptedSubjects:
-    """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
-    progress("bones of each person's own")
+    """The same with own bones; what is held out, with scales that know nothing of the person."""
+    progress("own bones")
     several = data.counted.shape[1]
     problem, fitted, tested = _parts(rows, folds, len(models))
     every = np.append(np.arange(several), problem)
@@ -138,8 +138,8 @@ def _with_own_bones(
     found = own_or_plain(parts, persons, weight)  # at once: of each few are left at last
     own_data, adapted, own = take_problems(found, slice(several))
     part_of, without_parts = take_problems(found[:2], slice(several, None))
-    unseen = unseen_angles(part_of, without_parts, tested)
-    return AdaptedSubjects(rows, own_data, adapted, _as_held_out(folds, part_of, without_parts, unseen, tested), own)
+    angles = held_out_angles(part_of, without_parts, tested)
+    return AdaptedSubjects(rows, own_data, adapted, _as_held_out(folds, part_of, without_parts, angles, tested), own)
 
 
 def _persons(
@@ -216,7 +216,9 @@ def _held_out(
     return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
 
 
-def _as_held_out(folds: Sequence[Fold], data: Problems, without: Adapted, angles: Unseen, tested: Places) -> HeldOut:
+def _as_held_out(
+    folds: Sequence[Fold], data: Problems, without: Adapted, angles: HeldOutAngles, tested: Places
+) -> HeldOut:
     gaps, simulated = (
         tuple(one[:, mine, k] for k, mine in enumerate(tested.T)) for one in (gaps_of(data, angles), angles)
     )
@@ -256,7 +258,7 @@ def heldout_table(
     """Tabulate ``heldout.csv``: one row per model, subject and part held out.
 
     Gaps are mean |simulated - measured|, degrees. All are of the postures held out: before adaptation, adapted to
-    everything (in_sample) and without them (unseen). ``seen_deg``: the first two, by model, of all rows.
+    everything (in_sample) and without them (`unseen`). ``seen_deg``: the first two, by model, of all rows.
     """
     rows, words = [], found.adapted.status
     for m, model in enumerate(models):
@@ -266,7 +268,7 @@ def heldout_table(
             row |= {"kind": fold.kind, "held_out": fold.held_out}
             row |= {"postures": len(fold.tested), "adapted_to": len(fold.fitted)}
             gaps = {word: seen_deg[word][m][:, fold.tested] for word in SEEN if word in seen_deg}
-            for word, gap in (gaps | {"unseen": found.unseen_deg[problem]}).items():
+            for word, gap in (gaps | {"unseen": found.gaps_deg[problem]}).items():
                 for bone, angles in BONE_PREFIXES.items():
                     row[f"{bone}gap_{word}_deg"] = mean_of(gap[angles])
             row["status"] = words[problem]

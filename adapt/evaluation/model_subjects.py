@@ -1,4 +1,4 @@
-"""Subjects simulated by the model itself, with one unmodelled effect at work: ground truth for fits and diagnosis.
+"""Subjects simulated by the model itself, with one unmodelled effect active: ground truth for fits and diagnosis.
 
 Every result of this module is simulated, and says so.
 """
@@ -42,7 +42,7 @@ def simulate_model_subjects(
     size: float = 1.0,
     spread: float = 1.0,
 ) -> Simulated:
-    """Simulate subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
+    """Simulate subjects whose girdle is the model with parameters of their own and, if given, an effect active.
 
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
     effect is ``size`` times its prior's SD (or its mean, where that is not 0) in each of its directions, without bends,

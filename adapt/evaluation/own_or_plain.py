@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from adapt.engine.batching import take_problems, with_problems
-from adapt.evaluation.predictions import Places, gaps_of, predicted, unseen_angles
+from adapt.evaluation.predictions import Places, gaps_of, held_out_angles, predicted
 from adapt.own_bones.own_adaptation import (
     DO_NOT_PREDICT,
     NOT_CONVERGED,
@@ -62,7 +62,7 @@ class Persons(NamedTuple):
 
 
 def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
-    """Adapt bones of each person's own, or keep the plain adaptation: the problems with their girdles, the adaptations
+    """Adapt own bones, or keep the plain adaptation: the problems with their girdles, the adaptations
     and the sizes."""
     own_data, adapted, own = own_bones(data, persons, weight)
     failed = adapted.status == status.NOT_CONVERGED
@@ -81,7 +81,7 @@ def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Probl
 
 
 def own_bones(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
-    """Adapt bones of each person's own, with the noise of each where persons are few."""
+    """Adapt own bones, with the noise of each where persons are few."""
     scales = with_own_noise(data, persons.spread) if persons.own_noise else persons.scales
     return adapt_own_bones(data, persons.spread, scales, weight, persons.unsure, persons.kin)
 
@@ -101,7 +101,7 @@ def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.
     if not len(problem):
         return np.zeros(count, bool)
     part_of, adapted, own = own_bones(select_problems(data, problem, counted=fitted), persons.at(problem), weight)
-    gaps = gaps_of(part_of, unseen_angles(part_of, adapted, tested))
+    gaps = gaps_of(part_of, held_out_angles(part_of, adapted, tested))
     plain, _, angles = predicted(data, problem, fitted, tested, lambda part, _: (part, adapt_batch(part, weight)))
     more = np.nansum(gaps - gaps_of(plain, angles), axis=(0, 1))  # NaN where one of the two does not predict
     known = np.isfinite(gaps).sum(axis=(0, 1))

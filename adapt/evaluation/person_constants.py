@@ -82,7 +82,7 @@ def constants_of(
     P, rows = np.moveaxis(prior, -1, 0), take_problems(chains, np.flatnonzero(chains.fitted))
     N, b = np.zeros(P.shape), np.zeros(P.shape[:2])
     at_set = positions_mm(rows.poses, {"AA": np.zeros((3, 1))})
-    for name in set(POSITIONS) & set(measured_mm):
+    for name in filter(measured_mm.__contains__, POSITIONS):
         left = measured_mm[name][:, rows.row] - at_set[name]
         known = np.all(np.isfinite(left), axis=0)
         H = place_slopes(take_problems(rows.poses, known), name)

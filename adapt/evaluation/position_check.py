@@ -1,4 +1,4 @@
-"""Simulated positions of landmarks, and how far they are from measured ones that no fit has seen."""
+"""Simulated positions of landmarks, and how far they are from measured ones that are in no fit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -88,7 +88,7 @@ def adapted_to_folds(rows: PostureRows, held_out: HeldOut) -> Chains:
     row, problem, tested = _of_folds(held_out.folds)
     posture, adapted = rows.posture[row], held_out.adapted
     angles = np.where(adapted.status == status.OK, adapted.angles, np.nan)[:, posture, problem]
-    angles[:, tested] = np.concatenate(held_out.unseen_angles, axis=1)
+    angles[:, tested] = np.concatenate(held_out.angles, axis=1)
     poses = _poses(held_out.data.girdles_at(adapted.theta_mm, posture, problem), angles)
     return Chains(poses, row, problem, ~tested, tested)
 

@@ -1,4 +1,4 @@
-"""The gaps on postures that an adaptation has not seen."""
+"""The gaps on postures that are held out of an adaptation."""
 
 from collections.abc import Callable
 
@@ -19,19 +19,19 @@ Places = Bool[np.ndarray, "postures parts"]
 """Some postures of each part."""
 
 
-Unseen = Float[np.ndarray, "6 postures parts"]
+HeldOutAngles = Float[np.ndarray, "6 postures parts"]
 """Of the postures tested; NaN elsewhere, and where a fit failed."""
 
 
 def predicted(
     data: Problems, problem: Int[np.ndarray, " parts"], fitted: Places, tested: Places, adapt: Adapt
-) -> tuple[Problems, Adapted, Unseen]:
+) -> tuple[Problems, Adapted, HeldOutAngles]:
     """Adapt parts of problems to some of their postures, and predict others: the parts, adapted, and angles in rad."""
     part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
-    return part_of, without, unseen_angles(part_of, without, tested)
+    return part_of, without, held_out_angles(part_of, without, tested)
 
 
-def unseen_angles(data: Problems, adapted: Adapted, tested: Places) -> Unseen:
+def held_out_angles(data: Problems, adapted: Adapted, tested: Places) -> HeldOutAngles:
     """Simulate the postures tested of adapted parts, rad."""
     posture, problem = np.nonzero(tested & (adapted.status == status.OK))
     result = np.full((6, *tested.shape), np.nan)
@@ -43,6 +43,6 @@ def unseen_angles(data: Problems, adapted: Adapted, tested: Places) -> Unseen:
     return result
 
 
-def gaps_of(data: Problems, angles: Unseen) -> Unseen:
+def gaps_of(data: Problems, angles: HeldOutAngles) -> HeldOutAngles:
     """Compute |simulated - measured|, degrees; NaN where not measured."""
     return np.where(data.measured, np.abs(angles - data.angles) * DEG, np.nan)

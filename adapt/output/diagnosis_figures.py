@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from adapt.diagnosis.result import ALL, Diagnosis, GapKind, Gaps
-from adapt.diagnosis.texts.wording import held_out_text, subjects_text, unseen_text
+from adapt.diagnosis.texts.wording import held_out_kind_text, held_out_text, subjects_text
 from adapt.output.plots import draw_budget, draw_heat_map, draw_inclusion, elevation_bins
 from adapt.output.svg import BLUE, NOTE, svg
 from motions.table import BONES
@@ -22,10 +22,10 @@ FIGURES = ("budget.svg", "inclusion.svg", "gap_heatmap.svg", "gaps.svg")
 _MOTIONS_A_ROW = 3
 
 _PANELS = (ALL, *BONES)
-_UNSEEN = {"color": BLUE, "marker": "o", "markersize": 5.0, "linestyle": "none"}
-_IN_SAMPLE = {**_UNSEEN, "color": "0.45", "markerfacecolor": "white", "markersize": 4.5}
+_HELD_OUT = {"color": BLUE, "marker": "o", "markersize": 5.0, "linestyle": "none"}
+_IN_SAMPLE = {**_HELD_OUT, "color": "0.45", "markerfacecolor": "white", "markersize": 4.5}
 _APART = 0.16
-"""Of a row: unseen values stand above its middle, in-sample ones below it."""
+"""Of a row: held-out values stand above its middle, in-sample ones below it."""
 
 
 def figures(diagnosis: Diagnosis) -> dict[str, str]:
@@ -101,7 +101,7 @@ def _draw_gaps(axes: Axes, gaps: Gaps, kinds: Sequence[GapKind], bone: str) -> N
     if math.isfinite(floor):
         axes.axvline(floor, color="0.6", linewidth=0.8, linestyle=(0, (4, 2)), zorder=0)
     for levels, shift, style, label in (
-        (gaps.hardest, -_APART, _UNSEEN, f"{unseen_text(gaps)}, 95 % interval"),
+        (gaps.hardest, -_APART, _HELD_OUT, f"{held_out_kind_text(gaps)}, 95 % interval"),
         (gaps.in_sample, _APART, _IN_SAMPLE, "in sample, 95 % interval"),
     ):
         values = np.array([levels[kind][bone] for kind in kinds]).T

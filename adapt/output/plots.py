@@ -20,7 +20,7 @@ from matplotlib.patches import Rectangle
 
 from adapt.diagnosis.location.gap_location import Cell
 from adapt.diagnosis.result import ADAPTED_STEP, BASE, NOISE, OWN_BONES, Diagnosis
-from adapt.diagnosis.texts.wording import gap_text, probability_text, step_text, unseen_text
+from adapt.diagnosis.texts.wording import gap_text, held_out_kind_text, probability_text, step_text
 from adapt.output.svg import BLUE, NOTE, ORANGE
 from adapt.tables.positions_table import ADAPTED, WITH_CAUSES
 from adapt.tables.results import Tables
@@ -91,7 +91,7 @@ def draw_budget(axes: Axes, diagnosis: Diagnosis) -> None:
     axes.tick_params(axis="y", length=0.0)
     axes.invert_yaxis()
     axes.set_xlim(0.0, 1.1 * largest)
-    axes.set_xlabel(f"mean |gap| on {unseen_text(diagnosis.gaps)}, degrees")
+    axes.set_xlabel(f"mean |gap| on {held_out_kind_text(diagnosis.gaps)}, degrees")
 
 
 def draw_inclusion(axes: Axes, diagnosis: Diagnosis) -> None:

@@ -51,7 +51,7 @@ def prepare_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Prepare the folder and hold it for this run alone; InputError if another run is at work in it.
+    """Prepare the folder and hold it for this run alone; InputError if another run holds it.
 
     What a run that was killed left half written is removed.
     """
@@ -124,7 +124,7 @@ def write_json(record: dict[str, object], path: Path) -> None:
 def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
     """Record the files of a run with their SHA-256.
 
-    Take the record before the files are read: they can change while the run is at work. Paths are absolute, so that the
+    Take the record before the files are read: they can change while the run goes on. Paths are absolute, so that the
     run can be repeated from another folder.
     """
     files = [model_file(name) for name in models]

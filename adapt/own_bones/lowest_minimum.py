@@ -35,8 +35,8 @@ these do not, with two 16, with three 8. With 60 steps few do."""
 
 _FIRST_STEPS = 160
 """Of the first start. Where a posture on the way is as far as its chain reaches, A1-A3 have no slope there: the steps
-leave the valley and wander; other starts do not. Of 604 problems of measured and simulated subjects with six sets one
-ends elsewhere for it."""
+leave the local minimum and wander; other starts do not. Of 604 problems of measured and simulated subjects with six
+sets one ends elsewhere for it."""
 
 _POSTURE_ROUNDS = 4
 """A person with a posture in the higher of two local minima goes on from the lower one."""

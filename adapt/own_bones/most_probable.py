@@ -11,8 +11,8 @@ q the closed postures nearest to the measured ones. What is minimised is sigma^2
 over as many u as the chain can tell apart: no pair of sizes that move the same numbers is fitted twice. There are no
 bounds: the prior holds what the angles do not.
 
-F has long bent valleys: with conoids that hardly turn with the bones a tenth of a millimetre of A3 is worth degrees. So
-the constraints first have a slack, as ligaments and soft tissue do, which becomes smaller in stages; damped
+F has long curved ridges: with conoids that hardly turn with the bones a tenth of a millimetre of A3 is worth degrees.
+So the constraints first have a slack, as ligaments and soft tissue do, which becomes smaller in stages; damped
 Gauss-Newton steps with the postures of each stage (``projection.nearest_posture``). At last the chain is rigid: Newton
 steps in u and all postures at once, each posture eliminated (``own_bones.posture_steps``), with backtracking on the
 augmented Lagrangian as in ``adapt.solvers.newton.subject``.

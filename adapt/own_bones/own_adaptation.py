@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt.engine.batching import take_problems
-from adapt.own_bones.bent_valleys import covariance_of_u, overstated
+from adapt.own_bones.curved_posterior import covariance_of_u, overstated
 from adapt.own_bones.lowest_minimum import with_lowest_postures
 from adapt.own_bones.most_probable import (
     STARTS_MM,

@@ -1,8 +1,8 @@
 """Of sizes, what slopes at the optimum with scales that are known are too sure of.
 
 With C the posterior covariance of sizes, the prior's 1, by slopes (``own_bones.most_probable``), r the roots of what
-bent valleys do not tell (``own_bones.bent_valleys``), and D the variances of the scales of their groups, relative to
-the scales' squares,
+curved ridges do not tell (``own_bones.curved_posterior``), and D the variances of the scales of their groups, relative
+to the scales' squares,
 
     C' = C + r (1 - C) r,    covariance C' + C' D C'.
 

@@ -56,7 +56,7 @@ def figure_data(
             "constraints": list(CONSTRAINT_NAMES.values()),
             "points": POINTS,
             "columns": COLUMNS,
-            "unseen": list(HELD_OUT),
+            "held_out": list(HELD_OUT),
             "subjects": _subjects(motions, rows),
             "posture": motions.posture[rows],
             "elevation_deg": _rounded(motions.humerus_elevation_deg[rows], 1),
@@ -101,7 +101,7 @@ def _model(
         "adaptation": adapted["status"].to_numpy()[number],
         "measured_points_mm": _flat(at_measured["before"][0]),
         "heat": _heat(motions, result.fits, model.name),
-        "unseen_deg": _rounded(_unseen(result.summary, model.name, subjects), _ANGLE_DIGITS),
+        "held_out_deg": _rounded(_held_out(result.summary, model.name, subjects), _ANGLE_DIGITS),
         "states": {
             state: {
                 "theta_mm": _rounded(theta_mm[state][:, number].T, _LENGTH_DIGITS),
@@ -140,7 +140,7 @@ def _gaps(summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]
     return _of_subjects(summary, model, state, subjects)[[f"{column}_deg" for column in COLUMNS]].to_numpy(float)
 
 
-def _unseen(summary: pd.DataFrame, model: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 2"]:
+def _held_out(summary: pd.DataFrame, model: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 2"]:
     """The gap of each bone on what was held out; NaN of who was not."""
     return _of_subjects(summary, model, "after", subjects)[list(HELD_OUT.values())].to_numpy(float)
 

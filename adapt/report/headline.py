@@ -44,15 +44,15 @@ def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
     bones = [bone for bone in _IN_ORDER if np.isfinite(after[f"{bone}_deg"])]
     if not bones:
         return f"No posture of {people} could be fitted."
-    unseen = [bone for bone in bones if np.isfinite(after[HELD_OUT[bone]])]
+    held_out = [bone for bone in bones if np.isfinite(after[HELD_OUT[bone]])]
     what = f" on held-out {'motions' if set(kinds) == {MOTION} else 'postures'}"
 
     def fall(bone: str) -> str:
         said = f"{bone}’s{' gap' if bone == bones[0] else ''}"
         said += f" from {before[f'{bone}_deg']:.1f} to {after[f'{bone}_deg']:.1f}°"
-        if bone not in unseen:
+        if bone not in held_out:
             return said
-        return f"{said} ({after[HELD_OUT[bone]]:.1f}{what if bone == unseen[0] else ''})"
+        return f"{said} ({after[HELD_OUT[bone]]:.1f}{what if bone == held_out[0] else ''})"
 
     takes = f"to {people} takes the {' and the '.join(map(fall, bones))}."
     said = f"Adapting {best}, closest of {len(models)} sets, {takes}", f"Adapting {best} {takes}"

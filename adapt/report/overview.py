@@ -26,7 +26,7 @@ class Row:
     model: str
     gap_deg: dict[str, tuple[float, float]]
     """Mean absolute difference of each bone over the subjects; under 'largest' that of one angle of one subject."""
-    unseen_deg: dict[str, float]
+    held_out_deg: dict[str, float]
     """Mean absolute difference of each bone on what was held out from the adaptation; NaN without."""
     postures: int
     postures_ok: tuple[int, int]
@@ -53,7 +53,7 @@ def _row(result: Tables, model: str) -> Row:
     return Row(
         model=model,
         gap_deg=gap_deg | {"largest": tuple(_largest(row) for row in largest)},
-        unseen_deg={bone: after[name] for bone, name in HELD_OUT.items()},
+        held_out_deg={bone: after[name] for bone, name in HELD_OUT.items()},
         postures=len(fits[0]),
         postures_ok=tuple(int(ok.sum()) for ok in fits),
         subjects=len(parameters),

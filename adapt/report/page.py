@@ -16,6 +16,7 @@ from adapt.diagnosis.texts.json_form import JsonObject, plain
 from adapt.diagnosis.texts.notes import rests_on
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
+    held_out_kind_text,
     held_out_text,
     listed,
     number,
@@ -23,7 +24,6 @@ from adapt.diagnosis.texts.wording import (
     probability_text,
     sentence,
     step_text,
-    unseen_text,
     with_unit,
 )
 from adapt.report.figure_data import figure_data
@@ -125,13 +125,13 @@ def _with_lines(data: JsonObject) -> int:
 
 
 def _gaps(diagnosis: Diagnosis) -> JsonObject:
-    """The most unseen gaps of one model, and those in sample; without a cause there is no gap with it."""
+    """The hardest gaps of one model, and those in sample; without a cause there is no gap with it."""
 
     def shown(levels: GapLevels) -> JsonObject:
         return {kind: one for kind, one in plain(levels).items() if diagnosis.goes_further or kind != "with_effect"}
 
     gaps = diagnosis.gaps
-    return {"unseen": shown(gaps.hardest), "in_sample": shown(gaps.in_sample), "what": unseen_text(gaps)}
+    return {"held_out": shown(gaps.hardest), "in_sample": shown(gaps.in_sample), "what": held_out_kind_text(gaps)}
 
 
 def _largest(budget: Sequence[Step]) -> float:
@@ -164,7 +164,7 @@ def _environment() -> Environment:
         "shown_states": shown_states,
         "size": amplitude_text,
         "step": step_text,
-        "unseen": unseen_text,
+        "held_out_kind": held_out_kind_text,
     }
     environment.globals |= {
         "angle_names": ANGLE_NAMES,

@@ -29,7 +29,8 @@ from motions.arrays import Array, ByType
 from motions.table import FEWEST_ANGLES
 
 _ROUNDS = 4
-"""A problem that did not converge, or has a posture in the higher of two valleys, goes on from fresh posture fits."""
+"""A problem that did not converge, or has a posture in the higher of two local minima, goes on from fresh posture
+fits."""
 
 _LOWER_DEG2 = ByType(1e-6, 1e-3)
 """A fresh posture fit lower by less than this is the same one."""
@@ -38,8 +39,9 @@ _SAME_E = ByType(1e-9, 1e-5)
 """Relative: two starts whose E differ by less have led to one optimum. That of the first is taken, so that what E does
 not depend on stays where it is."""
 
-_SAME_VALLEY = 1e-6
-"""Relative: E with the sizes that were found is lower by less where theta is in the valley in which they were found."""
+_SAME_MINIMUM = 1e-6
+"""Relative: E with the sizes that were found is lower by less where theta is in the local minimum in which they were
+found."""
 
 _SAME_SIZE = 0.01
 """SDs: sizes found from a lower E that differ by less are the same. They are found with postures that are less exact
@@ -126,7 +128,7 @@ def adapt_batch(
 
 def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progress) -> Adapted:
     """Adapt with the mean sizes, from several starts; then sizes and parameters from there, as long as E is lower with
-    postures in another valley."""
+    postures in another local minimum."""
     count = data.counted.shape[1]
     sizes = np.zeros((sum(map(len, data.active_effects.own)), count))
     adapted = adapt_batch(data.with_sizes(sizes), weight, progress=progress)
@@ -140,7 +142,7 @@ def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progr
         sizes[:, left] = own
         after = adapted_from(part.with_sizes(own), theta_mm, weight)
         adapted = with_problems(adapted, left, after)
-        again = moved & (after.E < E * (1.0 - _SAME_VALLEY))
+        again = moved & (after.E < E * (1.0 - _SAME_MINIMUM))
         settled[left] = ended & ~again
         left = left[again]
         if not len(left):
@@ -218,7 +220,7 @@ def _distinct(E: Float[np.ndarray, "starts problems"], same: float) -> Bool[np.n
 
 def _starts(data: Problems) -> tuple[Float[np.ndarray, "adapted starts"], Float[np.ndarray, "6 postures starts"]]:
     """Theta at every offset to the geometric fit, with the postures that are fitted there and with the measured angles;
-    with effects at work, which close the chains themselves, with the measured angles alone."""
+    with active effects, which close the chains themselves, with the measured angles alone."""
     lower, upper = data.bounds_mm
     theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
     angles = [np.asarray(data.angles)]
@@ -288,7 +290,7 @@ def solved_from(problem: SubjectProblem, active_effects: ActiveEffects, theta, a
 def _lower_postures(data: Problems, solved: SubjectSolution) -> tuple[np.ndarray, np.ndarray]:
     """The postures fitted anew at the solution, where that lowers their J, and the problems where it does.
 
-    A posture can be carried along in a valley that has become the higher one; E is the sum of the lowest.
+    A posture can be carried along in a local minimum that has become the higher one; E is the sum of the lowest.
     """
     fresh = fitted_angles(data, solved.theta)
     weights = angle_weights(data.measured)

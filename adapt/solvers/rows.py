@@ -92,7 +92,7 @@ class PostureRows:
 def posture_rows(
     motions: Motions, effects: Amplitudes = NO_EFFECTS, library: Mapping[str, Effect] = EFFECTS
 ) -> PostureRows:
-    """Lay out the motions of one or many subjects, with effects that are known to be at work.
+    """Lay out the motions of one or many subjects, with effects that are known to be active.
 
     ``library``: the effects by name.
     """

@@ -13,7 +13,7 @@ from motions.table import Motions
 
 MOTION, POSTURES, PERSON = "motion", "postures", "person and motion"
 """Kinds of folds: one motion held out, every third posture held out, and a motion held out together with persons, of
-whom what is shared between persons has seen nothing."""
+whom nothing is in what persons share."""
 
 THIRDS = ("third 2", "third 3", "third 1")
 """The third that each posture of a subject belongs to in turn."""
@@ -41,8 +41,8 @@ class Fold:
     """What the girdle of the subject is adapted to."""
     tested: Rows
     """What is predicted."""
-    unseen: tuple[int, ...] = ()
-    """Subjects of whom nothing that is shared between subjects has seen anything."""
+    held_out_subjects: tuple[int, ...] = ()
+    """Subjects held out of all that subjects share."""
 
 
 def motions_and_thirds(motions: Motions) -> list[Fold]:
@@ -74,21 +74,23 @@ def motions_and_persons(motions: Motions, person: Int[np.ndarray, " subjects"]) 
     persons = int(person.max()) + 1
     if persons > 1:
         groups = np.array_split(np.arange(persons), min(persons, _PERSON_GROUPS))
-        unseen = {one: tuple(np.flatnonzero(np.isin(person, group)).tolist()) for group in groups for one in group}
+        held_out_subjects = {
+            one: tuple(np.flatnonzero(np.isin(person, group)).tolist()) for group in groups for one in group
+        }
         for s, rows in enumerate(subjects):
-            found += _leave_out(PERSON, s, rows, label, names, unseen[person[s]])
+            found += _leave_out(PERSON, s, rows, label, names, held_out_subjects[person[s]])
     return found, label
 
 
 def _leave_out(
-    kind: str, subject: int, rows: Rows, label: Label, names: Iterable[str], unseen: tuple[int, ...] = ()
+    kind: str, subject: int, rows: Rows, label: Label, names: Iterable[str], held_out_subjects: tuple[int, ...] = ()
 ) -> Iterator[Fold]:
     """Hold out the rows of each name in turn, where there are some and others are left."""
     own = label[rows]
     for name in names:
         fitted, tested = rows[own != name], rows[own == name]
         if len(fitted) and len(tested):
-            yield Fold(kind, subject, str(name), fitted, tested, unseen)
+            yield Fold(kind, subject, str(name), fitted, tested, held_out_subjects)
 
 
 def thirds_of(motions: Motions) -> Label:

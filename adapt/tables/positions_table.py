@@ -22,7 +22,7 @@ Places = Mapping[str, Float[np.ndarray, "3 rows"]]
 def with_positions(motions: Motions) -> list[str]:
     """Name the subjects of whom the position of a landmark of the girdle was measured."""
     there = np.zeros(len(motions.posture), bool)
-    for name in set(POSITIONS) & motions.landmarks_mm.keys():
+    for name in filter(motions.landmarks_mm.__contains__, POSITIONS):
         there |= np.isfinite(motions.landmarks_mm[name]).all(axis=1)
     return list(dict.fromkeys(motions.subject[there].tolist()))
 

@@ -98,7 +98,7 @@ def _cells(column: pd.Series) -> list[str]:
     if column.dtype.kind in "iuf" and len(column):
         return _number_cells(column.to_numpy())
     values = column.tolist()
-    texts = {value: _text(value) for value in set(values)}
+    texts = {value: _text(value) for value in dict.fromkeys(values)}
     return [texts[value] for value in values]
 
 

@@ -1,1 +1,1 @@
-"""How far an adaptation can be trusted: its uncertainty, its gap on what it has not seen, and if it is a thorax."""
+"""How far an adaptation can be trusted: its uncertainty, its gap on what was held out of it, and if it is a thorax."""

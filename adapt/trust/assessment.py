@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false
 # pyright: reportGeneralTypeIssues=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""How far an adaptation can be trusted: its uncertainty, its gap on what it has not seen, if it is a thorax, and if
+"""How far an adaptation can be trusted: its uncertainty, its held-out gap, if it is a thorax, and if
 forces act as before."""
 
 from collections.abc import Callable, Sequence
@@ -70,7 +70,7 @@ def assess_trust(
     """Adapt every model to every subject and judge the result.
 
     E = D + weight mean(J), mm^2 and deg^2, as in ``adapt_subjects``; ``choose_weight`` also tries other w on held-out
-    motions. ``own_bones``: of the adaptation with bones of each person's own, whose E has no points, bounds or w to
+    motions. ``own_bones``: of the adaptation with own bones, whose E has no points, bounds or w to
     judge: intervals are those of its posterior.
     """
     check_motions(motions)
@@ -208,7 +208,7 @@ def improvement_blocked_by_points(before_deg2: float, adapted_deg2: float, witho
     """Compute the share of the possible fall of mean J that the thorax points block.
 
     Of the fall of mean J from before adaptation to an adaptation without thorax points, it is the part that does not
-    come about with them. NaN where the one without them failed, or ended in another valley, above the one with them.
+    come about with them. NaN where the one without them failed, or ended in a local minimum above the one with them.
     """
     if not without_deg2 < before_deg2 or not without_deg2 <= adapted_deg2:
         return float("nan")

@@ -1,4 +1,4 @@
-"""Amplitudes of effects that are known to be at work: as fits take them, and as a command line gives them."""
+"""Amplitudes of effects that are known to be active: as fits take them, and as a command line gives them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -155,7 +155,7 @@ def _numbers(effect: Effect, numbers: str) -> tuple[float, ...] | PersonalSize:
 
 
 _DIGITS = 4
-"""Of an amplitude that is printed: to 0.01 % of what is at work."""
+"""Of an amplitude that is printed: to 0.01 % of what is active."""
 
 
 def rounded(values: Sequence[float]) -> tuple[float, ...]:

@@ -70,7 +70,7 @@ class Effect:
 
     @property
     def cause(self) -> str:
-        """What is at work, whatever its course: the name up to the colon."""
+        """What is active, whatever its course: the name up to the colon."""
         return cause_of(self.name)
 
     @property

@@ -1,4 +1,4 @@
-"""A girdle with effects at work: constraints and landmarks where the effects adjust the girdle and the rotations."""
+"""A girdle with active effects: constraints and landmarks where the effects adjust the girdle and the rotations."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from motions.arrays import Array
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ActiveEffects:
-    """Effects at work with their strengths, of postures that are laid out as the last axes say."""
+    """Active effects with their strengths, of postures that are laid out as the last axes say."""
 
     strengths: tuple[Float[Array, " channels *batch"], ...] = ()
     """Of each effect at each posture, in its unit (:meth:`Effect.at`)."""
@@ -56,7 +56,7 @@ NO_ACTIVE_EFFECTS = ActiveEffects()
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ExtendedGirdle:
-    """A girdle with effects at work, usable where a :class:`Girdle` is: arrays have the same trailing batch."""
+    """A girdle with active effects, usable where a :class:`Girdle` is: arrays have the same trailing batch."""
 
     girdle: Girdle
     active_effects: ActiveEffects
@@ -76,4 +76,4 @@ class ExtendedGirdle:
 
 
 AnyGirdle = Girdle | ExtendedGirdle
-"""One with effects at work or without."""
+"""One with effects active or without."""

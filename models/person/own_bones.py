@@ -131,7 +131,7 @@ _CONOID = (
 
 _TABLE_6_5 = (
     "assumed: ten adapted subjects scatter by 8-31, 6-7, 2-3, 13-24, 15-17 and 1-2 mm (thesis, Table 6.5), with what "
-    "their ellipsoids pay for bones of their own"
+    "their ellipsoids pay for own bones"
 )
 
 _JOINT = "assumed: AC of the sets is a landmark, not the joint"

@@ -78,7 +78,7 @@ def measured_places_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 postu
     for name, place in found.items():
         place[:, is_marked(motions, CLAVICLE_PLACED, f"{name} from")] = np.nan
     for row, names in marked_slips(motions).items():
-        for name in set(names.split()) & found.keys():
+        for name in filter(found.__contains__, names.split()):
             found[name][:, row] = np.nan
     return found
 

@@ -5,6 +5,7 @@ import difflib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from motions.errors import InputError, listed
@@ -18,6 +19,12 @@ _CONVERTED = (".c3d", ".trc", ".mot", ".sto")
 
 _SAYS_SEPARATOR = "sep="
 """How the first line begins by which a spreadsheet says what separates the cells."""
+
+_SEPARATORS = {",": "comma", ";": "semicolon"}
+"""Of cells. Spreadsheets of countries with a decimal comma write semicolons; a comma in a number is then its point."""
+
+_OF_NUMBERS = ("_deg", "_mm")
+"""Endings of columns of decimal numbers."""
 
 _NEAR = 0.93
 """Likeness (``difflib``) of a name that may be meant: a letter is wrong, not the unit left out."""
@@ -69,8 +76,9 @@ def read_table(path: Path, check_header: Callable[[list[str], str, int], None] |
 
 def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None]) -> tuple[list[str], Iterator[Row]]:
     file, text = str(path), _lines(path)  # closed here where it ends early: an error that is kept would keep it open
-    lines = _split(text, file)
     try:
+        begin, separator = _begin(text)
+        lines = _split(chain(begin, text), file, separator)
         header_line, header = next(lines, (None, []))
         if header and header[0].lower().startswith(_SAYS_SEPARATOR):
             header_line, header = next(lines, (None, []))
@@ -86,7 +94,7 @@ def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None])
         line = None
         with closing(text):
             for line, cells in lines:
-                yield _row(file, line, columns, cells)
+                yield _row(file, line, columns, cells, separator)
         if line is None:
             raise InputError(file, None, "there are no rows under the header", "Add one row for each posture")
 
@@ -108,13 +116,23 @@ def _lines(path: Path) -> Generator[str, None, None]:
     read_text(path, _SAVE_AS)  # says what is wrong, and where
 
 
-def _split(text: Iterator[str], file: str) -> Iterator[tuple[int, list[str]]]:
+def _begin(text: Iterator[str]) -> tuple[list[str], str]:
+    """Read to the header, and tell which sign separates its cells."""
+    begin: list[str] = []
+    for line in text:
+        begin.append(line)
+        if line.strip() and not line.lower().startswith(_SAYS_SEPARATOR):
+            break
+    return begin, max(_SEPARATORS, key=begin[-1].count) if begin else ","
+
+
+def _split(text: Iterator[str], file: str, separator: str) -> Iterator[tuple[int, list[str]]]:
     """The cells of each line that is not blank, with the number of the line on which they start.
 
     The standard reader and not pandas' one, because only it says on which line a row stands when there are
     blank lines or line breaks between quotes.
     """
-    for start, cells in cells_of_lines(text, file):
+    for start, cells in cells_of_lines(text, file, separator):
         if any(map(str.strip, cells)):
             yield start, cells
 
@@ -142,9 +160,9 @@ def _check_header(columns: list[str], file: str, line: int) -> None:
         return InputError(file, line, cause, remedy)
 
     missing = [name for name in REQUIRED if name not in columns]
-    for separator, word in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars"), (" ", "blanks")):
+    for separator, word in (("\t", "tabs"), ("|", "bars"), (" ", "blanks")):
         if any(separator in name and sum(one in name for one in missing) > 1 for name in columns):
-            raise error(f"the cells are separated by {word}, not by commas", _SAVE_AS)
+            raise error(f"the cells are separated by {word}, not by commas or semicolons", _SAVE_AS)
     if missing:
         raise error(*_missing(missing, columns))
     _check_names(columns, file, line)
@@ -194,18 +212,21 @@ def _check_names(columns: list[str], file: str, line: int) -> None:
         raise InputError(file, line, cause, "Rename or remove one of them")
 
 
-def _row(file: str, line: int, columns: list[str], cells: list[str]) -> Row:
+def _row(file: str, line: int, columns: list[str], cells: list[str], separator: str) -> Row:
     """The cells under their columns. Spaces round a cell that is interpreted are dropped."""
-    surplus = any(map(str.strip, cells[len(columns) :]))
+    surplus, word = any(map(str.strip, cells[len(columns) :])), _SEPARATORS[separator]
     if len(cells) < len(columns) or surplus:
         cause = f"the line has {len(cells)} cells where the header has {len(columns)}"
         remedy = (
-            "Remove the surplus comma; decimals are written with a point"
+            f"Remove the surplus {word}{'; decimals are written with a point' if separator == ',' else ''}"
             if surplus
-            else "Complete the line; a cell that was not measured is empty but keeps its comma"
+            else f"Complete the line; a cell that was not measured is empty but keeps its {word}"
         )
         raise InputError(file, line, cause, remedy)
     named = {name: cell.strip() if name in KNOWN else cell for name, cell in zip(columns, cells, strict=False)}
+    if separator != ",":
+        numbers = {name: cell for name, cell in named.items() if name.endswith(_OF_NUMBERS) and "." not in cell}
+        named |= {name: cell.replace(",", ".") for name, cell in numbers.items()}
     if "" in named:
         if any(cell.strip() for name, cell in zip(columns, cells, strict=False) if not name):
             raise InputError(

@@ -41,7 +41,7 @@ def main() -> Diagnosis:
     for name, one in found.amplitude.items():
         print(f"{name}: {one.size.value:.1f} ({one.size.low:.1f} to {one.size.high:.1f}) {one.unit}")
     for step in found.budget:
-        print(f"{step.step}: unseen gap {step.gap_deg.value:.2f} deg")
+        print(f"{step.step}: held-out gap {step.gap_deg.value:.2f} deg")
     return found
 
 

@@ -151,7 +151,7 @@ def test_columns_are_the_contracts(fitted, adapted):
 
 
 def test_each_motion_was_held_out_of_an_adaptation(adapted):
-    """Two motions of each subject; what an adaptation has not seen is not fitted better than what it has."""
+    """Two motions of each subject; what is held out of an adaptation is not fitted better than what it has."""
     table = adapted.table("heldout")
     assert table["held_out"].tolist() == ["abduction", "forward_flexion"] * 2
     assert (table["gap_unseen_deg"] > table["gap_in_sample_deg"]).all()
@@ -165,13 +165,13 @@ def test_each_motion_was_held_out_of_an_adaptation(adapted):
 
 def test_the_summary_says_how_large_the_gap_is_where_a_motion_was_held_out(adapted):
     """Each motion's is that of heldout.csv; all motions' the mean of them, as both have as many postures."""
-    unseen = adapted.table("heldout").set_index(["subject", "held_out"])
+    held_out = adapted.table("heldout").set_index(["subject", "held_out"])
     summary = adapted.table("summary").set_index(["adapted", "motion", "subject"])
     for bone in ("clavicle", "scapula"):
         of_motions = []
-        for subject, motion in unseen.index:
+        for subject, motion in held_out.index:
             of_motions.append(summary[f"{bone}_held_out_deg"][1, motion, subject])
-            assert of_motions[-1] == pytest.approx(unseen[f"{bone}_gap_unseen_deg"][subject, motion])
+            assert of_motions[-1] == pytest.approx(held_out[f"{bone}_gap_unseen_deg"][subject, motion])
         assert summary[f"{bone}_held_out_deg"][1, "all", "mean"] == pytest.approx(np.mean(of_motions))
         assert summary[f"{bone}_held_out_deg"][0].isna().all()
 

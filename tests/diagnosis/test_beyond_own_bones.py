@@ -1,4 +1,4 @@
-"""The null that people have bones of their own: what is held against it, and what is not."""
+"""The null that people have own bones: what is held against it, and what is not."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def null_of(world: str) -> OwnBonesNull:
 
 
 class _Gaps:
-    """Unseen gaps that are given, in place of fits."""
+    """Held-out gaps that are given, in place of fits."""
 
     def __init__(self, null: OwnBonesNull, gaps_deg: dict[tuple[str, ...], list[float]]):
         self.null, self.gaps_deg = null, gaps_deg
@@ -38,8 +38,8 @@ class _Gaps:
     def __enter__(self) -> OwnBonesNull:
         persons = [self.null.person[self.null.motions.subjects[fold.subject]] for fold in self.null.folds]
         for names, of_persons in self.gaps_deg.items():
-            unseen = tuple(np.full((6, 1), of_persons[person]) for person in persons)
-            self.null.found[names, (BIAS, GAP, AC)] = HeldOut((), None, unseen, None, ())  # pyright: ignore
+            held_out = tuple(np.full((6, 1), of_persons[person]) for person in persons)
+            self.null.found[names, (BIAS, GAP, AC)] = HeldOut((), None, held_out, None, ())  # pyright: ignore
         return self.null
 
     def __exit__(self, *_) -> None:
@@ -70,7 +70,7 @@ def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept, 
         share = null.probability(WITH_GAP, EVERY, FLOOR_DEG)
         assert (share >= LEAST_PROBABILITY) == (kept == WITH_GAP)
         assert null.probability(ALONE, EVERY, FLOOR_DEG) == 1.0
-        assert [rung.added for rung in null.ladder(WITH_GAP, EVERY)] in (["", BIAS, GAP], ["", GAP, BIAS])
+        assert [step.added for step in null.budget(WITH_GAP, EVERY)] in (["", BIAS, GAP], ["", GAP, BIAS])
 
 
 def test_a_constant_is_named_that_all_have_alike_and_not_one_that_differs():
@@ -96,7 +96,7 @@ def test_gains_are_shares_of_what_own_bones_leave_beyond_noise():
     """(1.0 - 0.6) / (1.0 - 0.2) = half; alike in all persons, without an error."""
     gaps = {(): [1.0] * 3, ALONE: [1.0] * 3, (GAP,): [0.6] * 3, WITH_GAP: [0.6] * 3}
     with _Gaps(null_of(BIAS), gaps) as null:
-        found = null.gains(null.ladder(WITH_GAP, EVERY), EVERY, FLOOR_DEG)
+        found = null.gains(null.budget(WITH_GAP, EVERY), EVERY, FLOOR_DEG)
         assert found[GAP].share == pytest.approx(0.5)
         assert found[BIAS].share == pytest.approx(0.0)
         assert found[GAP].share > LEAST_SHARE
@@ -105,7 +105,7 @@ def test_gains_are_shares_of_what_own_bones_leave_beyond_noise():
 def test_the_null_is_what_girdle_adapt_with_own_bones_reports():
     null = null_of(BIAS)
     rows = adapt_subjects(null.motions, null.model, own_bones=True).heldout
-    assert null.adapted().unseen["motion"]["all"].value == pytest.approx(rows["gap_unseen_deg"].mean(), abs=SAME_DEG)
+    assert null.adapted().held_out["motion"]["all"].value == pytest.approx(rows["gap_unseen_deg"].mean(), abs=SAME_DEG)
 
 
 def test_what_positions_show_is_not_held_against_own_bones():

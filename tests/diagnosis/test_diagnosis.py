@@ -37,7 +37,7 @@ SAME_MINIMUM_DEG = 1e-3
 """Of bones without an axial rotation, whose minima lie side by side: a diagnosis adapts more parts of a person, and
 each part may find a lower one where another ended."""
 
-UNSEEN_DEG = {"breteler_dissection": (1.5, 1.1), "breteler_mri": (1.7, 1.4)}
+HELD_OUT_DEG = {"breteler_dissection": (1.5, 1.1), "breteler_mri": (1.7, 1.4)}
 """Scapula, clavicle, with the causes that are named, on motions that were not fitted. What a diagnosis must reach to be
 of use; set when the sets left 3.0 and 2.6, 2.5 and 2.4 without causes. Completed anew they leave 2.0 and 1.3."""
 
@@ -45,7 +45,7 @@ SHOULDERS = {"breteler_dissection": "bonepin_cadaver[23]_*.csv", "breteler_mri":
 """Six take twice as long as four, and say the same."""
 
 RATIO, PERSON_DEG = 0.65, 1.25
-"""Of the unseen gap of all angles with the causes to that without; and that gap on persons not fitted either."""
+"""Of the held-out gap of all angles with the causes to that without; and that gap on persons not fitted either."""
 
 
 @pytest.fixture(scope="module")
@@ -205,13 +205,13 @@ def test_an_angle_that_was_not_measured_counts_nowhere():
     extra = motions.extra.assign(**{ESTIMATED: ["yes"] * len(motions.posture)})
     found = diagnose(replace(motions, angles_deg=angles_deg, extra=extra), load_model("R4"), effects=[EFFECTS[BIAS]])
     by_step = {step.step: step.gap_deg.value for step in found["R4"].budget}
-    unseen = adapt_subjects(replace(motions, angles_deg=angles_deg), load_model("R4"), own_bones=True).heldout
-    with_it = unseen["gap_unseen_deg"].mean()
+    held_out = adapt_subjects(replace(motions, angles_deg=angles_deg), load_model("R4"), own_bones=True).heldout
+    with_it = held_out["gap_unseen_deg"].mean()
     assert by_step[OWN_BONES] == pytest.approx(with_it, abs=SAME_MINIMUM_DEG), "counted as 0 it would be a sixth less"
     assert found["R4"].declared_effects == ()
 
 
-@pytest.mark.parametrize("name", UNSEEN_DEG)
+@pytest.mark.parametrize("name", HELD_OUT_DEG)
 def test_measured_shoulders_are_predicted_and_no_pin_is_contradicted(name, measured_files):
     """Bones of their own and what is named beside them predict motions and persons that were not fitted."""
     files = [file for file in measured_files if file.match(SHOULDERS[name])]
@@ -219,7 +219,7 @@ def test_measured_shoulders_are_predicted_and_no_pin_is_contradicted(name, measu
     named = {one for cause in found.verdict.causes for one in cause.names[:1]}
     assert not named & {"skin_artefact", "clavicle_axial_estimate"}, "bone pins exclude them"
     gaps = found.gaps.other_motion["with_effect"]
-    for bone, most in zip(("scapula", "clavicle"), UNSEEN_DEG[name], strict=True):
+    for bone, most in zip(("scapula", "clavicle"), HELD_OUT_DEG[name], strict=True):
         assert gaps[bone].value <= most
     assert gaps[ALL].value <= RATIO * found.gaps.other_motion["adapted"][ALL].value
     assert found.gaps.other_person["with_effect"][ALL].value <= PERSON_DEG

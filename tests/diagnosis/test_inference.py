@@ -12,8 +12,8 @@ from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
+from adapt.diagnosis.fit.search_folds import folds_of
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
-from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_does_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
@@ -22,7 +22,7 @@ from adapt.diagnosis.inference.next_measurement import propose
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import name_causes
 from adapt.diagnosis.inference.weights import Weights, probabilities, probabilities_of_draws, weigh
-from adapt.diagnosis.sizes_of_others import unseen_amplitudes
+from adapt.diagnosis.population_amplitudes import held_out_amplitudes
 from adapt.evaluation.held_out import adapt_with_folds
 from adapt.solvers.objective import WEIGHT, down_weighted
 from adapt.solvers.rows import posture_rows
@@ -60,7 +60,7 @@ def test_left_and_right_of_a_person_are_held_out_together():
         assert set(renamed.motion[fold.tested]) == {fold.held_out}
         assert fold.held_out not in renamed.motion[fold.fitted]
         expected = {s for s in range(3) if shoulders.person[s] == shoulders.person[fold.subject]}
-        assert set(fold.unseen) == (expected if fold.kind == PERSON else set())
+        assert set(fold.held_out_subjects) == (expected if fold.kind == PERSON else set())
     assert set(folds.kinds) == {MOTION, PERSON}
 
 
@@ -83,9 +83,12 @@ def test_amplitudes_of_a_fold_are_those_of_data_without_what_it_holds_out():
     """The mode of the shoulders and motions that are left, found from nothing, is where the linear model says."""
     search, hypothesis = searched(BIAS), (BIAS,)
     joint, at = search.joint, search.mode(hypothesis)
-    found = unseen_amplitudes(search.folds, joint.candidates, hypothesis, at, search.likelihood_without)
+    found = held_out_amplitudes(search.folds, joint.candidates, hypothesis, at, search.likelihood_without)
     for fold, amplitude in list(zip(search.folds.each, found, strict=True))[::4]:
-        motions, others = joint.shoulders.motions, ~np.isin(np.arange(len(joint.shoulders.subjects)), fold.unseen)
+        motions, others = (
+            joint.shoulders.motions,
+            ~np.isin(np.arange(len(joint.shoulders.subjects)), fold.held_out_subjects),
+        )
         kept = (search.folds.label != fold.held_out) & others[joint.shoulders.subject]
         left = shoulders_of(motions.select(kept))
         alone = search_of(load_model("R2"), left, joint.model.effects)
@@ -109,8 +112,8 @@ def test_the_gaps_of_the_tables_of_several_sets_are_those_of_a_diagnosis_alone()
     person = {name: k for k, name in enumerate(motions.subjects)}
     shared = adapt_with_every_fold(motions, [load_model("R4"), R2]).of("R2")
     found, alone = gaps_of(shared, person), adapted(motions, R2)
-    assert (found.in_sample, found.unseen) == (alone.in_sample, alone.unseen)
-    assert set(found.unseen) == {MOTION, POSTURES}
+    assert (found.in_sample, found.held_out) == (alone.in_sample, alone.held_out)
+    assert set(found.held_out) == {MOTION, POSTURES}
     np.testing.assert_array_equal(found.adapted.theta_mm, alone.adapted.theta_mm)
 
 
@@ -235,8 +238,8 @@ def test_the_first_name_of_each_cause_is_the_one_that_is_sized_and_the_others_go
 
 
 def test_a_cause_of_which_the_data_say_nothing_is_about_as_probable_as_before_them():
-    """Two of four candidates are expected at work; without a hidden effect none is far above that, and what is probable
-    of each is counted though the search fitted few sets."""
+    """Two of four candidates are expected to be active; without a hidden effect none is far above that, and what is
+    probable of each is counted though the search fitted few sets."""
     weights = weigh(searched())
     assert all(0.0 < p < 0.8 for p in weights.inclusion.values())
     assert sum(weights.probability.values()) == pytest.approx(1.0)

@@ -24,7 +24,7 @@ from diagnoses import (
     json_of,
 )
 
-from adapt.diagnosis.inference.amplitude import unseen_amplitude
+from adapt.diagnosis.inference.amplitude import amplitude_without_size
 from adapt.diagnosis.result import ADAPTED_STEP, BASE, EFFECT, NOISE, NONE, OWN_BONES, UNKNOWN, Diagnoses, Noise
 from adapt.diagnosis.texts.json_form import as_json
 from models.adapted_parameters import ADAPTED
@@ -112,7 +112,7 @@ def test_causes_that_cannot_be_told_apart_stand_together():
 
 
 def test_a_cause_that_no_gap_shows_has_no_size():
-    estimate = unseen_amplitude(EFFECTS["clavicle_axial_estimate"])
+    estimate = amplitude_without_size(EFFECTS["clavicle_axial_estimate"])
     causes = (*ONE.verdict.causes, cause("clavicle_axial_estimate"))
     amplitude = ONE.amplitude | {"clavicle_axial_estimate": estimate}
     found = json_of(replace(ONE, verdict=replace(ONE.verdict, causes=causes), amplitude=amplitude))
@@ -138,7 +138,7 @@ def test_what_is_not_finite_is_null_and_numpy_numbers_are_plain():
     assert json.loads(json.dumps(found, allow_nan=False))["inclusion"]["scapula_landmark_bias"] == 0.97
 
 
-def test_shrinkage_is_that_of_the_most_unseen_gap():
+def test_shrinkage_is_that_of_the_gap_of_which_most_was_held_out():
     assert json_of(ONE)["gap_deg"]["shrinkage"] == pytest.approx((2.8 - 0.9) / 2.8)
     assert json_of(LONE)["gap_deg"]["shrinkage"] == pytest.approx((2.6 - 0.7) / 2.6)
     assert json_of(NOTHING)["gap_deg"]["shrinkage"] == 0.0

@@ -30,6 +30,6 @@ def test_the_reason_is_the_step_at_which_a_cause_was_left_out():
     assert computed == rejected | {SPIN: OF_ESTIMATE}
 
 
-def test_a_cause_that_is_hardly_at_work_in_any_set_is_not_named():
+def test_a_cause_that_is_hardly_active_in_any_set_is_not_named():
     causes = {BIAS: BIAS, f"{GAP}:posture": GAP}
     assert probable((BIAS, f"{GAP}:posture"), {BIAS: 0.01, GAP: 0.9}, causes) == (f"{GAP}:posture",)

@@ -189,14 +189,12 @@ def test_constants_of_held_out_motions_have_not_seen_them(measured):
     judge, base = Judge.of(MODEL, found.rows), as_they_are(MODEL, found.rows, result.before["R2"])
     folds = of_motions(found.held_out).folds
     assert len(folds) == 2 * SUBJECTS
-    in_sample, unseen = judge.gap_mm(base), judge.gap_mm(in_folds(base, folds), folds)
+    in_sample, held_out = judge.gap_mm(base), judge.gap_mm(in_folds(base, folds), folds)
     assert in_sample == pytest.approx(4.0, rel=0.25)
-    assert unseen == pytest.approx(8.0, rel=0.25)
+    assert held_out == pytest.approx(8.0, rel=0.25)
     adapted = judge.gap_mm(adapted_to_folds(found.rows, of_motions(found.held_out)), folds)
-    assert adapted == pytest.approx(unseen, rel=0.1)  # R2 takes these postures: there is nothing to adapt
-    for angles, gaps, fold in zip(
-        found.held_out.unseen_angles, found.held_out.unseen_deg, found.held_out.folds, strict=True
-    ):
+    assert adapted == pytest.approx(held_out, rel=0.1)  # R2 takes these postures: there is nothing to adapt
+    for angles, gaps, fold in zip(found.held_out.angles, found.held_out.gaps_deg, found.held_out.folds, strict=True):
         np.testing.assert_allclose(np.abs(angles * DEG - motions.angles_deg[fold.tested].T), gaps, atol=1e-9)
 
 

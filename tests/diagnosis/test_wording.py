@@ -27,6 +27,7 @@ from adapt.diagnosis.texts.wording import (
     amplitude_text,
     answer_text,
     gap_text,
+    held_out_kind_text,
     held_out_text,
     interval_text,
     listed,
@@ -35,7 +36,6 @@ from adapt.diagnosis.texts.wording import (
     probability_text,
     sentence,
     step_text,
-    unseen_text,
     with_unit,
 )
 
@@ -100,11 +100,11 @@ def test_the_answer_in_a_table_names_everything(diagnosis, said):
     assert answer_text(diagnosis.verdict) == said
 
 
-def test_what_is_unseen_is_the_most_that_was_held_out():
+def test_of_several_gaps_that_is_named_of_which_most_was_held_out():
     motions, persons = ONE.gaps.other_motion, ONE.gaps.other_person
 
     def said(gaps: Gaps) -> tuple[str, str]:
-        return unseen_text(gaps), held_out_text(gaps)
+        return held_out_kind_text(gaps), held_out_text(gaps)
 
     assert said(ONE.gaps) == ("held-out motions", "each motion in turn, with causes found in other persons")
     assert said(replace(ONE.gaps, other_person=None)) == ("held-out motions", "each motion in turn")

@@ -67,7 +67,7 @@ def assert_float64_where_not_done(found, double, names: Sequence[str], done: np.
 
 
 def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
-    """Measured angles far from any closed chain: many valleys."""
+    """Measured angles far from any closed chain: many local minima."""
     data = as_type(
         problems_of(posture_rows(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32
     )

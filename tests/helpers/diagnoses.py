@@ -63,22 +63,22 @@ def levels(
 
 
 def gap_of(adapted: float, with_effect: float, own_bones: float | None = None) -> Gaps:
-    """The gaps given are those of other motions of other persons, the most unseen ones."""
+    """The gaps given are those of other motions of other persons, of which most was held out."""
     own = with_effect if own_bones is None else own_bones
     return Gaps(
         in_sample=levels(0.2, 4.0, adapted - 0.4, own - 0.4, with_effect - 0.4),
-        unseen=levels(0.3, 4.1, adapted - 0.2, own - 0.2, with_effect - 0.2),
+        other_postures=levels(0.3, 4.1, adapted - 0.2, own - 0.2, with_effect - 0.2),
         other_motion=levels(0.3, 4.1, adapted - 0.1, own - 0.1, with_effect - 0.1),
         other_person=levels(0.3, 4.1, adapted, own, with_effect),
     )
 
 
-def ladder(**steps: float) -> tuple[Step, ...]:
+def gap_budget(**steps: float) -> tuple[Step, ...]:
     return tuple(Step(name, around(gap_deg)) for name, gap_deg in steps.items())
 
 
 def verdict(answer: Answer, *causes: Cause, **inclusion: float) -> Verdict:
-    """The probabilities of being at work given; that of every other candidate is 0.02."""
+    """The probabilities of being active given; that of every other candidate is 0.02."""
     every = dict.fromkeys(CAUSES, 0.02) | inclusion
     ordered = dict(sorted(every.items(), key=lambda one: -one[1]))
     answers = {cause.names[0]: 0.9 / len(causes) for cause in causes} if answer == EFFECT else {answer: 0.9}
@@ -155,7 +155,7 @@ ONE = Diagnosis(
     verdict=verdict(EFFECT, cause("scapula_landmark_bias", gain=0.6), scapula_landmark_bias=0.97),
     amplitude={"scapula_landmark_bias": amplitude("scapula_landmark_bias", 7.0, 5.0)},
     landmark_sizes={},
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
+    budget=gap_budget(**{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
     left_over_share=0.24,
     gaps=gap_of(2.8, 0.9, 2.0),
     parameters={name: ParameterMeans(100.0, 101.0) for name in ADAPTED},
@@ -186,7 +186,7 @@ TWO = replace(
         "ac_translation": amplitude("ac_translation", 4.0, 3.0, "posture of the bones", ":posture"),
         "scapulothoracic_gap": amplitude("scapulothoracic_gap", 12.0, 5.0, "elevation of the arm"),
     },
-    budget=ladder(
+    budget=gap_budget(
         **{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "ac_translation": 1.4, "scapulothoracic_gap": 0.9, NOISE: 0.3},
     ),
 )
@@ -203,7 +203,7 @@ MANY = replace(
     ONE,
     verdict=verdict(EFFECT, *_MANY, **{one.names[0]: 0.9 for one in _MANY}),
     amplitude={one.names[0]: amplitude(one.names[0], 4.0, 3.0) for one in _MANY},
-    budget=ladder(
+    budget=gap_budget(
         **{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.6}
         | {one.names[0]: 2.5 - 0.4 * k for k, one in enumerate(_MANY)}
         | {NOISE: 0.3},
@@ -217,7 +217,7 @@ NOTHING = replace(
     persons=1,
     verdict=verdict(NONE, thorax_asymmetry=0.1),
     amplitude={},
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 0.5, OWN_BONES: 0.5, NOISE: 0.3}),
+    budget=gap_budget(**{BASE: 4.1, ADAPTED_STEP: 0.5, OWN_BONES: 0.5, NOISE: 0.3}),
     left_over_share=math.nan,
     gaps=replace(gap_of(0.6, 0.6), other_person=None),
 )
@@ -227,7 +227,7 @@ OUTSIDE = replace(
     ONE,
     verdict=verdict(UNKNOWN, skin_artefact=0.4),
     amplitude={},
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.8, NOISE: 0.3}),
+    budget=gap_budget(**{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.8, NOISE: 0.3}),
     left_over_share=1.0,
     gaps=gap_of(2.8, 2.8),
 )
@@ -244,7 +244,7 @@ UNTESTED = replace(LONE, persons=1, verdict=verdict(UNKNOWN), amplitude={}, budg
 
 BLIND = replace(
     NOTHING,
-    budget=ladder(**{BASE: math.nan, ADAPTED_STEP: math.nan, OWN_BONES: math.nan, NOISE: math.nan}),
+    budget=gap_budget(**{BASE: math.nan, ADAPTED_STEP: math.nan, OWN_BONES: math.nan, NOISE: math.nan}),
     gaps=gap_of(math.nan, math.nan),
     indistinguishable=[],
     lacking=(),

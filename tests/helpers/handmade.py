@@ -28,7 +28,7 @@ from motions.rotations import DEG
 GAP_DEG = {False: 6.0, True: 2.0}
 """Simulated less measured, every angle, before (False) and after adaptation (True)."""
 
-UNSEEN_DEG = 3.0
+HELD_OUT_DEG = 3.0
 """The same on motions held out."""
 
 MOVED_MM = np.array([-10.0, 2.0, 1.0, 20.0, -1.0, 3.0])
@@ -101,8 +101,8 @@ def _problems(motions: Motions, models: Sequence[AnyModel], results: dict[str, A
 
 
 def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:
-    """Every motion of every subject off by UNSEEN_DEG."""
-    gaps = dict(zip(("before", "in_sample", "unseen"), (GAP_DEG[False], GAP_DEG[True], UNSEEN_DEG), strict=True))
+    """Every motion of every subject off by HELD_OUT_DEG."""
+    gaps = dict(zip(("before", "in_sample", "unseen"), (GAP_DEG[False], GAP_DEG[True], HELD_OUT_DEG), strict=True))
     rows = [
         {"model": model.name, "subject": subject, "kind": MOTION, "held_out": motion, "postures": 1, "adapted_to": 1}
         | {f"{bone}gap_{word}_deg": gap for word, gap in gaps.items() for bone in BONE_PREFIXES}

@@ -1,7 +1,7 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
 # pyright: reportGeneralTypeIssues=false, reportCallIssue=false, reportOperatorIssue=false
 # (own_bones is None of a plain adaptation; pandas and SciPy say "Series | object" of nearly every result)
-"""Persons with bones of their own: simulated, and adapted with scales that are known."""
+"""Persons with own bones: simulated, and adapted with scales that are known."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -7,8 +7,8 @@ import numpy as np
 
 from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.joint_fit import JointFit
+from adapt.diagnosis.fit.search_folds import folds_of
 from adapt.diagnosis.fit.shoulders import usable
-from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.evaluation.model_subjects import Simulated, simulate_model_subjects
 from models import load_model
@@ -37,7 +37,7 @@ HAVE_STRENGTHS = (
 def simulated(
     effect: str = "", subjects: int = 3, noise_deg: float = 0.3, seed: int = 7, size: float = 1.0
 ) -> Simulated:
-    """Simulate subjects with R2, with an effect at work or none, so many times as large as it typically is."""
+    """Simulate subjects with R2, with an active effect or none, so many times as large as it typically is."""
     return simulate_model_subjects(load_model("R2"), EFFECTS.get(effect), subjects, noise_deg, seed, size)
 
 

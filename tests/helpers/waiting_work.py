@@ -1,4 +1,4 @@
-"""Work that waits to be ended: as a program, the processes of a large run say that they are at work, and go on so."""
+"""Work that waits to be ended: as a program, the processes of a large run say that they work, and go on so."""
 
 import time
 
@@ -12,10 +12,10 @@ WAIT_S = 60.0
 
 
 class WaitingWork(Work):
-    """Says that it is at work, and is for long."""
+    """Says that it works, and does for long."""
 
     def part(self, motions: Motions) -> bytes:
-        print("at work", flush=True)
+        print("working", flush=True)
         time.sleep(WAIT_S)
         return b""
 

@@ -58,3 +58,12 @@ def test_every_term_has_a_sentence():
     rows = [row.split("|")[1:-1] for row in text.splitlines() if re.match(r"\| (?!term )", row)]
     assert len(rows) >= 30
     assert [row[0] for row in rows if len(row) != 4 or len(row[1].split()) < 5] == []
+
+
+def test_a_wrong_word_in_a_docstring_or_comment_is_noticed_and_a_name_is_not(tmp_path, monkeypatch):
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    module = tmp_path / "module.py"
+    module.write_text(
+        '"""It ended in another valley."""\n\nunseen = "gap_unseen_deg"  # the `unseen` gap\n# one at work\n'
+    )
+    assert [one.split(":")[1] for one in words.code_findings(module)] == ["1", "4"]

@@ -53,10 +53,35 @@ def test_a_word_for_what_was_not_measured_is_an_empty_cell(tmp_path, gap):
     np.testing.assert_array_equal(motions.angles_deg, [[-30.0, 12.0, np.nan, 32.0, 11.0, -10.0]])
 
 
-@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs"), ("|", "bars"), (" ", "blanks")])
+@pytest.mark.parametrize(("separator", "word"), [("\t", "tabs"), ("|", "bars"), (" ", "blanks")])
 def test_another_separator_is_named(tmp_path, separator, word):
     error = refusal(tmp_path, table(ROW).replace(",", separator))
-    assert f"the cells are separated by {word}, not by commas" in error.cause
+    assert f"the cells are separated by {word}, not by commas or semicolons" in error.cause
+
+
+@pytest.mark.parametrize("first", ["", "sep=;\n", "\n"])
+def test_semicolons_and_decimal_commas_are_read_as_commas_and_points(tmp_path, first):
+    """As a spreadsheet writes them where a comma is the decimal sign; a comma in a name stays."""
+    row = "P1,abduction,1,10.5,-30.25,12,,32,-1.5,-10.125,20.5,15.25,170,4.5"
+    header = HEADER + ",AC_x_mm,AC_y_mm,AC_z_mm,humerus_plane_deg"
+    expected = read_motions(written(tmp_path, table(row, header=header)))
+    text = first + table(row, header=header).replace(",", ";").replace(".", ",").replace("abduction", "abduction, slow")
+    found = read_motions(written(tmp_path, text))
+    np.testing.assert_array_equal(found.angles_deg, expected.angles_deg)
+    np.testing.assert_array_equal(found.humerus_elevation_deg, [10.5])
+    np.testing.assert_array_equal(found.landmarks_mm["AC"], [[20.5, 15.25, 170.0]])
+    assert found.extra["humerus_plane_deg"].tolist() == ["4.5"]
+    assert found.motion.tolist() == ["abduction, slow"]
+
+
+def test_points_of_thousands_are_refused(tmp_path):
+    error = refusal(tmp_path, table(ROW).replace(",", ";").replace(";10;", ";1.010,5;"))
+    assert "humerus_elevation_deg is '1.010,5', not a number" in error.cause
+
+
+def test_a_line_of_semicolons_that_is_too_long_is_told_about_semicolons(tmp_path):
+    error = refusal(tmp_path, table(ROW + ",7").replace(",", ";"))
+    assert error.remedy == "Remove the surplus semicolon"
 
 
 def test_names_of_columns_with_blanks_are_found_again(tmp_path):
@@ -186,7 +211,6 @@ FILE_ERRORS = {
     "columns missing": (table("a,b", header="x,y"), 1, "subject, motion, posture", "Add them"),
     "late header": ("\n\n" + table("a,b", header="x,y"), 3, "are missing", "Add them"),
     "column twice": (table(ROW + ",1,2", header=HEADER + ",a,a"), 1, "'a' stands there twice", "Rename"),
-    "semicolons": (table(ROW, header=HEADER).replace(",", ";"), 1, "semicolons", "comma-separated"),
     "tabs": (table(ROW, header=HEADER).replace(",", "\t"), 1, "tabs", "comma-separated"),
     "half a landmark": (table(ROW + ",1", header=HEADER + ",AC_x_mm"), 1, "no column AC_y_mm", "Give x, y"),
     "mirrored twice": (table(ROW + ",l,l", header=HEADER + ",side,side_measured"), 1, "mirrored", "Remove"),

@@ -167,7 +167,7 @@ def test_an_interrupt_in_mid_batch_ends_the_real_fits(tmp_path):
     many = [row.replace("simulated", f"copy{copy}_") for copy in range(COPIES) for row in rows]
     motion = written(tmp_path, [header, *many])
     command = [str(Path(sys.executable).with_name("girdle")), "fit", str(motion), "--out", str(tmp_path / "out")]
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}  # nothing compiled yet: it is at work for long
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}  # nothing compiled yet: it works for long
     process = listening(command, environment)
     assert process.stderr is not None
     while not (tmp_path / "out").exists() and process.poll() is None:

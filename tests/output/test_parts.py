@@ -132,8 +132,8 @@ def test_arrays_hold_a_table_exactly_and_a_part_without_rows_changes_nothing():
     table = pd.DataFrame({"subject": names, "gap_deg": [np.nan, np.inf, 0.1 + 0.2, 5e-324], "postures": range(4)})
     parts = [as_rows(part) for part in (table.iloc[:0], table.iloc[:1], table.iloc[1:])]
     assert not any(rows.dtype.hasobject for rows in parts)
-    pd.testing.assert_frame_equal(as_table(parts), table, check_exact=True)
-    empty = as_table([as_rows(NOTHING)])
+    pd.testing.assert_frame_equal(as_table(lambda: parts), table, check_exact=True)
+    empty = as_table(lambda: [as_rows(NOTHING)])
     assert (len(empty), tuple(empty)) == (0, tuple(NOTHING))
 
 
@@ -281,7 +281,7 @@ def test_processes_end_with_the_one_that_asks_for_parts():
     environment = os.environ | {"PYTHONPATH": str(program.parents[2])}
     with subprocess.Popen([sys.executable, program], stdout=subprocess.PIPE, text=True, env=environment) as asking:
         assert asking.stdout is not None
-        assert asking.stdout.readline() == "at work\n"
+        assert asking.stdout.readline() == "working\n"
         asking.kill()
         assert asking.communicate(timeout=WAIT_S / 2.0) == ("", None)
 

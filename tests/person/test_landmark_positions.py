@@ -30,10 +30,10 @@ def angles_of(clavicle: np.ndarray, scapula: np.ndarray) -> np.ndarray:
 ANGLES = angles_of(CLAVICLE, SCAPULA)
 
 
-def places(*at_work: tuple[str, tuple[float, ...]], angles: np.ndarray = ANGLES) -> dict[str, np.ndarray]:
-    strengths = tuple(np.repeat(np.array(a)[:, None], 2, axis=1) for _, a in at_work)
-    effects = ActiveEffects(strengths, tuple(EFFECTS[name] for name, _ in at_work))
-    girdle = ExtendedGirdle(BASE.repeated(2), effects) if at_work else BASE.repeated(2)
+def places(*active: tuple[str, tuple[float, ...]], angles: np.ndarray = ANGLES) -> dict[str, np.ndarray]:
+    strengths = tuple(np.repeat(np.array(a)[:, None], 2, axis=1) for _, a in active)
+    effects = ActiveEffects(strengths, tuple(EFFECTS[name] for name, _ in active))
+    girdle = ExtendedGirdle(BASE.repeated(2), effects) if active else BASE.repeated(2)
     return positions_mm(bone_poses(girdle, angles), {"AA": AA_MM})
 
 

@@ -41,7 +41,7 @@ def moved(seed: int = 0) -> tuple[Motions, dict[str, np.ndarray]]:
     count = len(still.posture)
     random = np.random.default_rng(seed)
     movement = {name: 3.0 * random.standard_normal((3, count)) for name in JOINTS}
-    effects = ActiveEffects(tuple(movement[e.name] for e in at_work()), at_work())
+    effects = ActiveEffects(tuple(movement[e.name] for e in active()), active())
     chain = effects.on(MODEL.girdle.repeated(count))
     fitted = fit_batch(chain, still.angles_deg.T / DEG, np.ones((6, count), bool))
     assert fitted.converged.all()
@@ -51,7 +51,7 @@ def moved(seed: int = 0) -> tuple[Motions, dict[str, np.ndarray]]:
     return replace(still, angles_deg=angles_deg, landmarks_mm=landmarks), movement
 
 
-def at_work():
+def active():
     return tuple(EFFECTS[name] for name in EFFECTS if name in JOINTS)
 
 

@@ -7,7 +7,7 @@ from html import unescape
 import numpy as np
 import pytest
 from diagnoses import BLIND, BY_KIND, CHECKED, ONE, TWO, alone, gap_of
-from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
+from handmade import GAP_DEG, HELD_OUT_DEG, MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, data_of, one_line, sentences_of, simulated, words_of
 
 from adapt.diagnosis.result import Diagnoses
@@ -281,7 +281,7 @@ def test_the_overview_counts_what_was_fitted():
     (row,) = overview(adaptations(motions, R2, failed=["s2"]))
     assert (row.postures, row.postures_ok, row.subjects, row.adapted) == (12, (12, 8), 3, 2)
     assert row.gap_deg["scapula"] == pytest.approx((GAP_DEG[False], GAP_DEG[True]))
-    assert row.unseen_deg == {"clavicle": UNSEEN_DEG, "scapula": UNSEEN_DEG}
+    assert row.held_out_deg == {"clavicle": HELD_OUT_DEG, "scapula": HELD_OUT_DEG}
 
 
 def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
@@ -290,11 +290,11 @@ def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
     heldout = made.heldout.query("subject != 's2'")
     two = replace(made, heldout=heldout)
     said = words_of(report_html(motions, R2, two))
-    assert f"{UNSEEN_DEG}° {UNSEEN_DEG}° 12 of 12" in said
+    assert f"{HELD_OUT_DEG}° {HELD_OUT_DEG}° 12 of 12" in said
     assert "of 2 of the subjects" in said
     assert "of 2 of the subjects" not in words_of(report_html(motions, R2, made))
     (model,) = figure_data(motions, R2, two, {})["models"]
-    assert model["unseen_deg"] == [[UNSEEN_DEG] * 2, [None] * 2, [UNSEEN_DEG] * 2]
+    assert model["held_out_deg"] == [[HELD_OUT_DEG] * 2, [None] * 2, [HELD_OUT_DEG] * 2]
 
 
 def test_who_was_not_handled_is_named():
@@ -388,7 +388,7 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
     assert "(!): larger than such an effect is: something that acts like it." in words
     assert "Unexplained beyond noise: 24 %" in words
     assert bars["+ ac_translation"] == "1.40 [1.30, 1.50]"
-    assert html.count('<div class="answer named">') == 5, "two steps of the ladder, three names"
+    assert html.count('<div class="answer named">') == 5, "two steps of the gap budget, three names"
 
 
 def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer():

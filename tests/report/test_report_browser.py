@@ -380,12 +380,14 @@ def test_a_diagnosis_is_in_the_page(look, window):
     seen = look(diagnosed(), window)
     page = seen.page
     assert page.inner_text("h1") == sentence(TWO)
-    steps = [name.split("\n")[0] for name in page.locator("#ladder [data-model=R2] .name").all_inner_texts()]
+    steps = [name.split("\n")[0] for name in page.locator("#gap-budget [data-model=R2] .name").all_inner_texts()]
     causes = ["+ AC joint moves ac_translation", "+ scapula lifts off the thorax scapulothoracic_gap"]
     assert steps == ["model as it is", "adapted", "+ own bones", *causes, "noise alone"]
-    hovered = page.locator("#ladder [data-model=R2] abbr").first.get_attribute("title")
+    hovered = page.locator("#gap-budget [data-model=R2] abbr").first.get_attribute("title")
     assert hovered == EFFECTS["ac_translation"].what
-    widths = [box["width"] for one in page.locator("#ladder [data-model=R2] .bar").all() if (box := one.bounding_box())]
+    widths = [
+        box["width"] for one in page.locator("#gap-budget [data-model=R2] .bar").all() if (box := one.bounding_box())
+    ]
     np.testing.assert_allclose(np.divide(widths, widths[0]), np.divide([4.1, 2.8, 2.0, 1.4, 0.9, 0.3], 4.1), atol=0.01)
     words = " ".join(page.inner_text("#why").split())
     assert "conoid_strain and clavicle_axial_estimate" in words, "cannot be told apart"
@@ -395,9 +397,9 @@ def test_a_diagnosis_is_in_the_page(look, window):
     assert named == ["scapulothoracic_gap", "ac_translation", "conoid_strain"]
     assert "2.80 [2.70, 2.90]" in " ".join(page.inner_text("#gap").split())
     (both, *_) = page.locator("#gaps .figure").all()
-    unseen, in_sample = json.loads(both.evaluate("one => JSON.stringify(one.data)"))
-    assert (unseen["name"], in_sample["name"]) == ("held-out motions", "in sample")
-    assert unseen["x"] == [4.1, 2.8, 2.0, 0.9, 0.3]
+    held_out, in_sample = json.loads(both.evaluate("one => JSON.stringify(one.data)"))
+    assert (held_out["name"], in_sample["name"]) == ("held-out motions", "in sample")
+    assert held_out["x"] == [4.1, 2.8, 2.0, 0.9, 0.3]
     assert in_sample["x"] == pytest.approx([4.0, 2.4, 1.6, 0.5, 0.2])
     (band,) = [
         one
@@ -419,21 +421,21 @@ def test_on_a_desk_a_diagnosis_has_no_grave_fault(look):
 def test_without_an_effect_there_is_no_gap_with_it(look):
     seen = look(diagnosed())
     seen.page.select_option("#model", label="R4")
-    unseen, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
-    assert unseen["x"] == [4.1, 2.9, 2.9, 0.3]
+    held_out, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
+    assert held_out["x"] == [4.1, 2.9, 2.9, 0.3]
     assert "with" not in seen.page.inner_text("#gap [data-model=R4] tbody")
     seen.assert_quiet()
 
 
-def test_bars_and_unseen_gaps_have_their_tables(look):
+def test_bars_and_held_out_gaps_have_their_tables(look):
     seen = look(diagnosed())
-    assert column(numbers_of(seen, "ladder"), "gap, °") == [4.1, 2.8, 2.0, 1.4, 0.9, 0.3]
-    assert column(numbers_of(seen, "ladder"), "high") == [4.2, 2.9, 2.1, 1.5, 1.0, 0.4]
+    assert column(numbers_of(seen, "budget"), "gap, °") == [4.1, 2.8, 2.0, 1.4, 0.9, 0.3]
+    assert column(numbers_of(seen, "budget"), "high") == [4.2, 2.9, 2.1, 1.5, 1.0, 0.4]
     assert numbers_of(seen, "ranking")[1] == ["scapula lifts off the thorax scapulothoracic_gap", "0.88"]
-    unseen, in_sample = seen.page.evaluate("document.querySelector('#gaps .figure').data.map((one) => one.x)")
+    held_out, in_sample = seen.page.evaluate("document.querySelector('#gaps .figure').data.map((one) => one.x)")
     gaps = numbers_of(seen, "gaps")
     both = [gaps[0], *(row for row in gaps if row[0] == "both bones")]
-    assert column(both, "held-out motions, °") == unseen
+    assert column(both, "held-out motions, °") == held_out
     assert column(both, "in sample, °") == pytest.approx(in_sample)
     seen.assert_quiet()
 
@@ -444,7 +446,7 @@ def test_every_control_and_explanation_is_reached_by_tab_and_seen(look):
     assert count > 60
     assert unreached == []
     assert unseen == []
-    seen.page.focus("#ladder abbr")
+    seen.page.focus("#gap-budget abbr")
     seen.page.keyboard.press("Escape")
     assert seen.page.evaluate("document.activeElement === document.body")
     seen.assert_quiet()

@@ -72,9 +72,9 @@ def residuals_mm(folder: Path, with_effects: bool = False) -> np.ndarray:
         own = motions.select(motions.subject == subject["subject"])
         theta = np.array([[subject[f"{name}_mm"]] for name in ADAPTED])
         adapted = girdle.repeated(len(own.posture)).with_adapted(theta)
-        at_work = truth["strengths"][subject["subject"]] if with_effects else {}
-        strengths = tuple(np.array(list(by_direction.values())) for by_direction in at_work.values())
-        effects = ActiveEffects(strengths, tuple(EFFECTS[name] for name in at_work))
+        active = truth["strengths"][subject["subject"]] if with_effects else {}
+        strengths = tuple(np.array(list(by_direction.values())) for by_direction in active.values())
+        effects = ActiveEffects(strengths, tuple(EFFECTS[name] for name in active))
         found.append(effects.on(adapted).residuals_mm(own.angles_deg.T / DEG))
     return np.concatenate(found, axis=1)
 

@@ -183,8 +183,8 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
     "effects of no size": lambda: with_effects((0.0, 0.0), (0.0, 0.0, 0.0)),
     "effects": lambda: with_effects((4.0, -3.0), (5.0, -4.0, 3.0)),
 }
-"""Of R4 and R6 one of the subjects has postures between two valleys, from which the adaptation once came out 2 % above
-IPOPT."""
+"""Of R4 and R6 one of the subjects has postures between two local minima, from which the adaptation once came out 2 %
+above IPOPT."""
 
 problem = cache(lambda name: PROBLEMS[name]())
 
@@ -320,7 +320,7 @@ def test_other_starts_find_nothing_lower(measured):
     assert (adapted.E[np.tile(mine, 8)] <= E * (1.0 + E_TOLERANCE)).all()
 
 
-def test_no_posture_of_an_adaptation_is_in_the_higher_of_two_valleys():
+def test_no_posture_of_an_adaptation_is_in_the_higher_of_two_local_minima():
     """From 20 drawn places each, of 200 subjects with noise of 5 degrees: three postures once were, with gaps of 6 to 7
     degrees."""
     for seed in (5, 6):

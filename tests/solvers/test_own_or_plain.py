@@ -1,6 +1,6 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
 # (own_bones is None of a plain adaptation; pandas says "Series | object" of nearly every result)
-"""Whose bones of their own are not taken: the plain adaptation in their place, whatever else is in the run."""
+"""Whose own bones are not taken: the plain adaptation in their place, whatever else is in the run."""
 
 from dataclasses import replace
 

@@ -39,8 +39,8 @@ SLSQP_ENDS = 0.97
 """Share of postures whose optimum SLSQP finds: SciPy 1.17 misses two of 140 at most, 1.18 three."""
 
 HIGHER_SHARE = 0.01
-"""A fit from two starts finds a near valley, not always the deepest: share of postures, 15 degrees off, where SLSQP
-from the measured angles falls into a deeper one (seen: 0.4 %; ours is the deeper one in 2 %)."""
+"""A fit from two starts finds a near local minimum, not always the deepest: share of postures, 15 degrees off, where
+SLSQP from the measured angles falls into a deeper one (seen: 0.4 %; ours is the deeper one in 2 %)."""
 
 ANGLE_TOLERANCE_DEG = 1e-6
 """Where J is flat to rounding, 1e-14 of 10^2 deg^2, the angles of its minimum are known to 1e-7 degrees."""
@@ -229,7 +229,7 @@ def hardly_held() -> Problem:
 
 
 def far() -> Problem:
-    """Normal errors of 25 degrees: many valleys."""
+    """Normal errors of 25 degrees: many local minima."""
     s = simulate_subjects(2, seed=9).angles_deg.T
     return with_set("R2", s + 25.0 * np.random.default_rng(1).normal(size=s.shape))
 
@@ -306,7 +306,7 @@ def test_ends_at_the_answer_by_hand(solver, name):
 @cells(set(BY_HAND), {"60 degrees"})
 def test_ends_no_higher_than_slsqp(solver, name):
     one = problem(name)
-    _, higher = other_valleys(one, solved(solver, name), slsqp_from_the_angles(name))
+    _, higher = other_local_minima(one, solved(solver, name), slsqp_from_the_angles(name))
     assert len(higher) <= HIGHER.get((solver, name), HIGHER_SHARE) * one.count
 
 
@@ -322,7 +322,7 @@ def slsqp_from_the_angles(name: str) -> dict[int, Posture]:
     return slsqp_lanes(problem(name), problem(name).angles * DEG, range(problem(name).count))
 
 
-def other_valleys(
+def other_local_minima(
     one: Problem, found: PostureSolution | Answer, oracle: dict[int, Posture]
 ) -> tuple[list[int], list[int]]:
     """Lanes where J is lower, and higher, than SLSQP's. In both, SLSQP started from ours must stay there."""
@@ -340,8 +340,8 @@ def other_valleys(
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_the_start_does_not_matter_within_its_valley(solver):
-    """Starts 2 degrees around the solution: closer than the other valleys."""
+def test_the_start_does_not_matter_within_its_local_minimum(solver):
+    """Starts 2 degrees around the solution: closer than the other local minima."""
     one = with_set("R2", simulated_deg())
     fitted = SOLVERS[solver](one.chain, one.angles, one.measured)
     offset = np.random.default_rng(2).uniform(-2.0, 2.0, one.angles.shape) / DEG
@@ -397,7 +397,7 @@ def test_lanes_without_numbers_do_not_poison_their_neighbours(solver):
         assert set(bad.status[3:]) == {status.INVALID}
 
 
-def test_measured_postures_are_slsqps_and_never_the_worse_valley(measured_files):
+def test_measured_postures_are_slsqps_and_never_the_worse_local_minimum(measured_files):
     """Each motion on one branch, which may lead to a higher J than the fit on its own has found."""
     motions = read_motions(*measured_files)
     one = with_every_set(motions.angles_deg.T)
@@ -407,10 +407,10 @@ def test_measured_postures_are_slsqps_and_never_the_worse_valley(measured_files)
     followed = follow_motions(found, one.chain, one.angles, one.measured, previous)
     assert set(followed.status) == {status.OK}
     assert_optimal(one, followed, np.arange(one.count))
-    _, higher = other_valleys(one, followed, slsqp_lanes(one, one.angles * DEG, range(one.count)))
+    _, higher = other_local_minima(one, followed, slsqp_lanes(one, one.angles * DEG, range(one.count)))
     raised = followed.j_deg2 > found.j_deg2 + J_TOLERANCE_DEG2
     assert [k for k in higher if not raised[k]] == []
-    assert {MODELS[k // rows] for k in higher} <= {"das3"}  # which does not close at rest: many valleys
+    assert {MODELS[k // rows] for k in higher} <= {"das3"}  # which does not close at rest: many local minima
 
 
 # --- along a motion -------------------------------------------------------------------------------

@@ -182,7 +182,7 @@ def test_with_landmarks_the_covariance_knows_of_them(data, adapted):
         np.testing.assert_allclose(curved.of_points[:, k], slope, rtol=0.0, atol=1e-6)
 
 
-def test_landmarks_with_an_effect_at_work_of_no_size(motions, data, adapted):
+def test_landmarks_with_an_active_effect_of_no_size(motions, data, adapted):
     """The careful and the fast path of effects have the same optimum as the batched one."""
     rows = posture_rows(motions, {"scapula_landmark_bias": (0.0, 0.0, 0.0)})
     found = adapt_batch(problems_of(rows, [load_model("R6")]), WEIGHT, LANDMARKS)

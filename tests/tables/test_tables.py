@@ -132,7 +132,7 @@ def heldout(*rows: tuple[str, str, str, int, float], model: str = "R2") -> pd.Da
 
 SEVERAL = [("one", "abduction"), ("one", "flexion"), ("two", "abduction"), ("three", "abduction"), ("three", "flexion")]
 
-UNSEEN = (
+HELD_OUT_PARTS = (
     ("one", MOTION, "abduction", 2, 1.0),
     ("one", MOTION, "flexion", 1, 4.0),
     ("one", POSTURES, "third 1", 3, 50.0),
@@ -149,7 +149,7 @@ def before_and_after(model: str = "R2") -> pd.DataFrame:
 
 def test_the_gap_held_out_stands_beside_that_in_sample():
     """One: (2 1 + 4) / 3 = 2; two: (2 3 + 6) / 3 = 4, its only motion's too; three was not held out."""
-    summary = summary_of(rows_of_subjects(before_and_after()), heldout(*UNSEEN))
+    summary = summary_of(rows_of_subjects(before_and_after()), heldout(*HELD_OUT_PARTS))
     assert summary.columns.tolist()[-4:] == ["postures", "postures_ok", *HELD_OUT.values()]
     expected = {
         ALL_MOTIONS: {"one": 2.0, "two": 4.0, "mean": 3.0, "std": np.sqrt(2.0), "max": 4.0, "min": 2.0},
@@ -167,7 +167,8 @@ def test_the_gap_held_out_stands_beside_that_in_sample():
 def test_the_gap_held_out_is_that_of_its_model():
     both = pd.concat([before_and_after(), before_and_after("R4")], ignore_index=True)
     summary = summary_of(
-        rows_of_subjects(both), pd.concat([heldout(*UNSEEN), heldout(("one", MOTION, "flexion", 1, 9.0), model="R4")])
+        rows_of_subjects(both),
+        pd.concat([heldout(*HELD_OUT_PARTS), heldout(("one", MOTION, "flexion", 1, 9.0), model="R4")]),
     )
     mean = {model: block(summary, model=model, adapted=1, motion="all").loc["mean"] for model in ("R2", "R4")}
     assert {model: row["clavicle_held_out_deg"] for model, row in mean.items()} == {"R2": 3.0, "R4": 9.0}

@@ -106,14 +106,16 @@ def test_gaps_are_those_of_the_fits():
 
 
 def test_of_a_single_kind_of_motion_thirds_are_held_out_with_persons():
-    """Four shoulders of three persons: s1 and s4 are one, and are unseen together."""
+    """Four shoulders of three persons: s1 and s4 are one, and are held out together."""
     motions = motions_of(rising(4, 6))
     folds, label = motions_and_persons(motions, np.array([0, 1, 2, 0]))
     order = [(kind, s, third) for kind in (MOTION, PERSON) for s in range(4) for third in (2, 3, 1)]
     assert [(fold.kind, fold.subject, fold.held_out) for fold in folds] == [(k, s, f"third {n}") for k, s, n in order]
     for fold in folds:
         assert set(label[fold.tested]) == {fold.held_out}
-        assert fold.unseen == (() if fold.kind == MOTION else (0, 3) if fold.subject in (0, 3) else (fold.subject,))
+        assert fold.held_out_subjects == (
+            () if fold.kind == MOTION else (0, 3) if fold.subject in (0, 3) else (fold.subject,)
+        )
 
 
 def test_the_gap_of_a_subject_counts_each_part_by_its_postures():

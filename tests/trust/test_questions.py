@@ -63,10 +63,10 @@ def test_postures_without_all_angles_are_left_out_and_none_is_an_error():
 
 
 def test_courses_are_the_mean_and_the_line():
-    seen, unseen = np.array([0.0, 50.0, 100.0]), np.array([25.0, 200.0])
-    change = np.stack([1.0 + 0.1 * seen, np.full(3, -2.0)])
-    np.testing.assert_allclose(line_over_elevation(change, seen, unseen), [[3.5, 21.0], [-2.0, -2.0]], rtol=EXACT)
-    np.testing.assert_allclose(mean_change(change, seen, unseen), [[6.0, 6.0], [-2.0, -2.0]], rtol=EXACT)
+    fitted, others = np.array([0.0, 50.0, 100.0]), np.array([25.0, 200.0])
+    change = np.stack([1.0 + 0.1 * fitted, np.full(3, -2.0)])
+    np.testing.assert_allclose(line_over_elevation(change, fitted, others), [[3.5, 21.0], [-2.0, -2.0]], rtol=EXACT)
+    np.testing.assert_allclose(mean_change(change, fitted, others), [[6.0, 6.0], [-2.0, -2.0]], rtol=EXACT)
 
 
 def test_changes_are_in_units_of_table_6_5_where_it_has_the_set():

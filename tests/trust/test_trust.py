@@ -280,7 +280,7 @@ def test_postures_held_out_have_no_part_in_the_adaptation(case):
     angles[:, np.isin(batch.place[:, 0], fold.tested), 0] += 40.0 / DEG
     spoilt = held_out(select_problems(case.data, np.arange(SUBJECTS), angles=angles), batch, [fold])
     np.testing.assert_allclose(spoilt.adapted.theta_mm, clean.adapted.theta_mm, rtol=0.0, atol=SAME_THETA_MM)
-    (before,), (after,) = clean.unseen_deg, spoilt.unseen_deg
+    (before,), (after,) = clean.gaps_deg, spoilt.gaps_deg
     assert before.shape == (6, len(fold.tested))
     assert np.isfinite(before).all()
     assert after.mean() > 5.0 + before.mean()
@@ -296,7 +296,7 @@ def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
         off = np.abs(case.adapted.angles[..., problem] - np.asarray(case.data.angles)[..., problem])[:, counted] * DEG
         for bone, angles in (("", slice(0, 6)), ("clavicle_", slice(0, 3)), ("scapula_", slice(3, 6))):
             assert seen[f"{bone}gap_in_sample_deg"][problem] == pytest.approx(off[angles].mean(), abs=1e-6)
-    # What was not seen is fitted by a girdle that knew less.
+    # What was held out is fitted by a girdle that knew less.
     assert (seen["gap_unseen_deg"] > seen["gap_in_sample_deg"]).all()
 
 
@@ -315,7 +315,7 @@ def test_every_subject_has_a_held_out_gap_unless_nobody_shall(case):
 # --- w -------------------------------------------------------------------------------------------------------------
 
 
-def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_smallest_unseen_gap(case):
+def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_smallest_held_out_gap(case):
     """Of optima of D + w J a larger w has no larger J and no smaller D; the thesis's w is the adaptation itself."""
     batch, folds = posture_rows(case.motions), motions_and_thirds(case.motions)
     table = weight_table(case.data, batch, [case.model.name], folds, weights=(0.1, 10.0, 1000.0))
@@ -327,8 +327,8 @@ def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_
     assert of_thesis["thorax_points_rms_mm"] == pytest.approx(np.sqrt(case.adapted.D_mm2.mean()))
     assert of_thesis["j_rms_deg"] == pytest.approx(np.sqrt(case.adapted.mean_j_deg2.mean()))
     motions_alone = [fold for fold in folds if fold.kind == MOTION]
-    unseen = np.concatenate(held_out(case.data, batch, motions_alone).unseen_deg, axis=1)
-    assert of_thesis["gap_unseen_deg"] == pytest.approx(np.nanmean(unseen), rel=1e-9)  # all motions are of one length
+    gaps = np.concatenate(held_out(case.data, batch, motions_alone).gaps_deg, axis=1)
+    assert of_thesis["gap_unseen_deg"] == pytest.approx(np.nanmean(gaps), rel=1e-9)  # all motions are of one length
     assert table["best"].tolist() == [int(gap == table["gap_unseen_deg"].min()) for gap in table["gap_unseen_deg"]]
 
 

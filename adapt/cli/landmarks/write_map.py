@@ -61,7 +61,7 @@ def _others(what: str, names: list[str]) -> list[str]:
 def _short(markers: Markers, name: str) -> str:
     """The name without the person before it, so that one mapping serves the files of all; whole where it would not."""
     short = name.rpartition(":")[2]
-    ends = [other for other in set(markers.names) if other.rpartition(":")[2].casefold() == short.casefold()]
+    ends = [other for other in dict.fromkeys(markers.names) if other.rpartition(":")[2].casefold() == short.casefold()]
     return short if len(ends) == 1 else name
 
 

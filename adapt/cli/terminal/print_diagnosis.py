@@ -14,13 +14,13 @@ from adapt.diagnosis.texts.wording import (
     amplitude_text,
     answer_text,
     gap_text,
+    held_out_kind_text,
     interval_text,
     number,
     percent_text,
     probability_text,
     sentence,
     step_text,
-    unseen_text,
     with_unit,
 )
 from models.girdle import CONSTRAINT_NAMES
@@ -70,11 +70,13 @@ def _print_what_it_rests_on(console: Console, diagnoses: Diagnoses) -> None:
 def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
     """By title."""
     closest = diagnoses.closest
-    unseen = unseen_text(closest.gaps)
+    held_out = held_out_kind_text(closest.gaps)
     left = f"; unexplained beyond noise: {percent_text(closest.left_over_share)}"
-    tables = {f"The gap on {unseen}, degrees{left if math.isfinite(closest.left_over_share) else ''}": _budget(closest)}
+    tables = {
+        f"The gap on {held_out}, degrees{left if math.isfinite(closest.left_over_share) else ''}": _budget(closest)
+    }
     if closest.verdict.causes:
-        tables[f"Causes: inclusion probability, share of the gap on {unseen}, size"] = _causes(closest)
+        tables[f"Causes: inclusion probability, share of the gap on {held_out}, size"] = _causes(closest)
     tables |= {
         "Mean absolute gap, degrees, with 95 % intervals": _gaps(closest),
         "Where: the largest shares of the gap that noise does not explain": _where(closest),
@@ -84,7 +86,7 @@ def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
     if closest.next_measurement:
         tables["What to measure next: log odds of the right name, now and then"] = _next_measurement(closest)
     if len(diagnoses.by_model) > 1:
-        tables[f"Every parameter set: gap on {unseen} after adaptation, degrees"] = _models(diagnoses)
+        tables[f"Every parameter set: gap on {held_out} after adaptation, degrees"] = _models(diagnoses)
     return tables
 
 
@@ -107,7 +109,7 @@ def _causes(diagnosis: Diagnosis) -> Table:
         one = diagnosis.amplitude[cause.names[0]]
         table.add_row(
             "\nor ".join(cause.names),
-            "\n".join(probability_text(verdict.at_work(name)) for name in cause.names),
+            "\n".join(probability_text(verdict.inclusion_of(name)) for name in cause.names),
             percent_text(cause.gain),
             amplitude_text(one) + (" (!)" if one.too_large else ""),
             with_unit(number(one.typical), one.unit),
@@ -128,7 +130,7 @@ def _gaps(diagnosis: Diagnosis) -> Table:
     parts: dict[str, GapLevels | None] = {
         "held-out person": gaps.other_person,
         "held-out motion": gaps.other_motion,
-        "held-out postures": gaps.unseen,
+        "held-out postures": gaps.other_postures,
         "in sample": gaps.in_sample,
     }
     for part, levels in parts.items():

@@ -12,7 +12,7 @@ from adapt.trust.assessment import Trust
 from adapt.trust.thorax_plausibility import PASS, WARNING
 from models.adapted_parameters import ADAPTED
 
-_UNSEEN = {"gap_unseen_motion_deg": "motions", "gap_unseen_postures_deg": "postures"}
+_HELD_OUT = {"gap_unseen_motion_deg": "motions", "gap_unseen_postures_deg": "postures"}
 """Columns of ``trust.csv``, the one that asks most first."""
 
 
@@ -112,14 +112,14 @@ def trust_sentences(rows: pd.DataFrame) -> list[str]:
 
 
 def _say_angles(rows: pd.DataFrame) -> str:
-    unseen = next((column for column in _UNSEEN if int(rows[column].count())), None)
-    if unseen is None:
+    held_out = next((column for column in _HELD_OUT if int(rows[column].count())), None)
+    if held_out is None:
         return "Angles: nothing was held out, so nothing says whether the adaptation predicts."
-    known = rows[rows[unseen].notna()]
-    before, after = known["gap_before_deg"], known[unseen]
+    known = rows[rows[held_out].notna()]
+    before, after = known["gap_before_deg"], known[held_out]
     better = int((after < before).sum())
     use = "use the adapted model" if 2 * better > len(known) else "use the model as it is"
-    gap = f"the gap on held-out {_UNSEEN[unseen]} goes from {before.mean():.1f} to {after.mean():.1f} deg"
+    gap = f"the gap on held-out {_HELD_OUT[held_out]} goes from {before.mean():.1f} to {after.mean():.1f} deg"
     return f"Angles: {use}; {gap}, smaller in {better} of {len(known)} subjects."
 
 

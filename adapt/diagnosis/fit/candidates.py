@@ -18,10 +18,10 @@ from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, unique_sets
 
 Hypothesis = tuple[str, ...]
-"""Names of the effects that are at work together, in the order of the candidates."""
+"""Names of the effects that are active together, in the order of the candidates."""
 
 _SHARE_OF_MEAN = 1.0 / 3.0
-"""An effect whose size has been measured is not at work with less than this share of it."""
+"""An effect whose size has been measured is not active with less than this share of it."""
 
 
 def without(hypothesis: Hypothesis, name: str) -> Hypothesis:

@@ -10,7 +10,7 @@ near = (1 + d) exp(-d), d = sqrt(3) |elevation - elevation'| / length: a course 
 (Matern 3/2: Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, eq. 4.17). One that is smoother still
 takes the least difference between neighbours for evidence: a tenth of a degree of noise then changes half the names.
 near_motion is 0 between kinds of motion; where elevation hardly changes along a motion, the number of the posture
-stands beside it. So what is left over says little more in a further posture of a motion, or in a further shoulder,
+stands beside it. So what is unexplained says little more in a further posture of a motion, or in a further shoulder,
 where it is alike there.
 
 So too of every coordinate of a measured landmark (``fit.position_rows``), and of every measured angle about what the
@@ -69,14 +69,14 @@ TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5, 0.5, 0.5, 1.
 LOG_SD = np.array([0.5, 1.4, 1.4, 1.4, 1.4, 0.5, 1.0, 1.0, 1.0, 1.4, 1.4, 0.7])
 """SDs of their logarithms: a factor of 4, of 2.7 between shoulders, and of 1.6 for the length and the noise: that of
 measured angles is between half a degree (bone pins) and two (palpation). With less the modes of measured motions lie in
-long, narrow valleys, and where the steps end depends on where they begin."""
+long, narrow ridges, and where the steps end depends on where they begin."""
 
 _COMMON = ("common_motion_deg", "common_deg", "common_mm", "common_turn_deg")
 _OWN = ("of_motion_deg", "of_shoulder_deg", "own_mm", "own_turn_deg")
 
 NOTHING_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({"noise": _COMMON + _OWN, "own": _COMMON, "common": ()})
 """What may be left beside the causes, and what there is then none of: noise alone; what shoulders do each in its own
-way, as bones of their own let them; and what all do alike."""
+way, as own bones let them; and what all do alike."""
 
 OF_POSITIONS = ("own_mm", "common_mm", "own_turn_deg", "common_turn_deg", "people")
 """What is of positions alone."""

@@ -34,12 +34,12 @@ _MOST_STEPS = 400
 """The fits of measured motions take 5 to 30 steps, the hardest 60 to 300."""
 
 SETTLED = 1e-4
-"""Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""
+"""Decrease of E + prior in a step at which a search may end: a thousandth of what one effect adds."""
 
 THORAX_DOWNWEIGHTING = 30.0
 """Points on the thorax that are another person's count 1/30 of what they do in E. With w = 10, made for them, the
-ellipsoid stays so close to another person's thorax that every candidate that lets it go predicts better, whatever is at
-work. w = 300 predicts unseen motions of measured shoulders best, with every set (docs/trust.md)."""
+ellipsoid stays so close to another person's thorax that every candidate that lets it go predicts better, whatever is
+active. w = 300 predicts held-out motions of measured shoulders best, with every set (docs/trust.md)."""
 
 
 class Part(NamedTuple):
@@ -52,7 +52,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Model:
-    """The parameter set of each subject after its geometric fit, with the effects that may be at work."""
+    """The parameter set of each subject after its geometric fit, with the effects that may be active."""
 
     sets: Sets
     """Of the subjects, in their order: one set may be everybody's."""

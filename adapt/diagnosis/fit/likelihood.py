@@ -134,7 +134,7 @@ class Likelihood:
         in it."""
         rows, none = np.concatenate(self.whitening.rows), np.zeros((1, self.shared))
         if self.shown:
-            added = self.shown.added[..., np.append(where, -1)]
+            added = self.shown.of(where)
             y = y + added @ np.append(here, 1.0)
             Z = np.concatenate([Z[..., :_N], Z[..., _N:] + added[..., :-1]], axis=2)
         (M,) = self.quadratic(y[None, rows], Z[None, rows], theta_mm[None], none)

@@ -26,7 +26,7 @@ from models.adapted_parameters import ADAPTED
 _N = len(ADAPTED)
 
 _MOST_STEPS = 300
-"""Most modes take 20 to 60; valleys are long and bent."""
+"""Most modes take 20 to 60; ridges are long and curved."""
 
 _ENOUGH = 0.02
 """Decrease of -2 log p in a step at which a mode is found, a hundredth of a nat. With 0.5 sets of causes ended a nat
@@ -111,10 +111,9 @@ def _added(
     most = max(map(len, places))
     if likelihood.shown is None:
         return np.zeros((1, 3, most + 1, len(places)))
-    added = likelihood.shown.added[joint.rows]
-    found = np.zeros((*added.shape[:2], most + 1, len(places)))
+    found = np.zeros((len(joint.rows), 3, most + 1, len(places)))
     for group, where in enumerate(places):
-        found[:, :, np.append(np.arange(len(where)), most), group] = added[..., np.append(where, -1)]
+        found[:, :, np.append(np.arange(len(where)), most), group] = likelihood.shown.of(where)[joint.rows]
     return found
 
 

@@ -1,1 +1,1 @@
-"""From fits to names: which causes predict, which replace one another, what is left over."""
+"""From fits to names: which causes predict, which replace one another, what is unexplained."""

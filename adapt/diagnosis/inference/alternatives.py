@@ -22,7 +22,7 @@ _LEAST_SHARE = 0.05
 
 
 class CredibleSet(NamedTuple):
-    """One cause at work: its name in the set that is chosen, then the others that it may have, the most probable first;
+    """One active cause: its name in the set that is chosen, then the others that it may have, the most probable first;
     and the probability of each in this place."""
 
     names: tuple[str, ...]

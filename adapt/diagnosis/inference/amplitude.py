@@ -51,7 +51,7 @@ def amplitudes(search: Search, hypothesis: Hypothesis, seen: Collection[str]) ->
 
 
 def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
-    """Draw the amplitudes of an effect that shoulders have in common from their posterior, whatever else is at work and
+    """Draw the amplitudes of an effect that shoulders have in common from their posterior, whatever else is active and
     whoever had been measured: as many with each of the persons drawn anew, and of these as many from each fitted set
     with the effect as it is probable for them."""
     generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
@@ -101,8 +101,8 @@ def share_of(
     return amplitudes @ (flat @ u) / (u @ u)
 
 
-def unseen_amplitude(effect: Effect) -> CauseAmplitude:
-    """Describe an effect that is at work without showing in any gap: there is no size to adapt with."""
+def amplitude_without_size(effect: Effect) -> CauseAmplitude:
+    """Describe an effect that is active without showing in any gap: there is no size to adapt with."""
     unknown = Interval(np.nan, np.nan, np.nan)
     typical = float(np.linalg.norm(effect.prior.scale))
     directions = dict.fromkeys(effect.directions, unknown)

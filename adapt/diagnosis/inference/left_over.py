@@ -1,8 +1,8 @@
-"""What no cause explains: the share of the gap that is left over, and whether it is more than noise."""
+"""What no cause explains: its share of the gap, and whether it is more than noise."""
 
 import numpy as np
 
-from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.fit.search_folds import Folds
 from adapt.diagnosis.result import Noise
 from models.girdle import CONSTRAINTS
 

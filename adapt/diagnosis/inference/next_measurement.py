@@ -43,7 +43,7 @@ _MORE_PERSONS = "more persons: a cause is named if it predicts persons that it w
 
 
 def lacking(kinds: int, persons: int) -> tuple[str, ...]:
-    """Say what the data lack, whatever is at work."""
+    """Say what the data lack, whatever is active."""
     return (
         *([_ANOTHER_MOTION] if kinds == 1 else []),
         *([_MORE_PERSONS] if persons == 1 else []),

@@ -7,7 +7,7 @@ from adapt.diagnosis.inference.computed_axial_rotation import is_its_zero
 from adapt.diagnosis.inference.selection import LEAST_PROBABILITY
 
 NOT_NEEDED = "the causes that are named do without it"
-OWN_BONES_DO = "bones of each person's own predict unseen motions as well"
+OWN_BONES_DO = "own bones predict held-out motions as well"
 LEFT_OVER = "beside it all persons do something alike that no cause of the list explains"
 OF_ESTIMATE = "a computed axial rotation has a zero of its own"
 PERSONS_DIFFER = "persons differ in it by as much as they have in common"
@@ -22,11 +22,11 @@ def why_not_named(
     unexplained: bool,
     known: Hypothesis = (),
 ) -> dict[str, str]:
-    """Say of each cause that is probably at work and not named what speaks against it.
+    """Say of each cause that is probably active and not named what speaks against it.
 
-    ``causes``: of the effects; ``named``: before, ``kept``: after they were held against bones of each person's own;
+    ``causes``: of the effects; ``named``: before, ``kept``: after they were held against own bones;
     ``constants``: which of them are the same in every posture; ``unexplained``: the best set is rejected; ``known``: to
-    be at work.
+    be active.
     """
     before, after, same = ({causes[name] for name in names} for names in (named, kept, constants))
     found = {}

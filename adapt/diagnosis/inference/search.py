@@ -28,8 +28,8 @@ from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, PositionRows, position_rows
 from adapt.diagnosis.fit.posterior import Posterior, modes
+from adapt.diagnosis.fit.search_folds import Folds, folds_of
 from adapt.diagnosis.fit.shoulders import Shoulders
-from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.intervals import resampled_persons
 from adapt.diagnosis.marks import scapula_is_carried
 from models.effects import Effect
@@ -97,7 +97,7 @@ class Search:
     folds: Folds
     progress: Callable[[str], None] = lambda _: None
     known: Hypothesis = ()
-    """Causes that are at work whatever the gap says."""
+    """Causes that are active whatever the gap says."""
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
     predicted: dict[tuple[Hypothesis, Hypothesis], float] = field(default_factory=dict)
     """V of sets from the modes of others, by both names."""

@@ -66,13 +66,13 @@ def by_positions(search: Search, name: str, hypothesis: Hypothesis) -> float:
 
 
 def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[str, str]) -> Hypothesis:
-    """Leave out causes that are hardly at work in any probable set, however much the chosen one needs them."""
+    """Leave out causes that are hardly active in any probable set, however much the chosen one needs them."""
     return tuple(name for name in named if inclusion[causes[name]] >= LEAST_INCLUSION)
 
 
 def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float]) -> Hypothesis:
     """Keep what stands though all persons do something alike that no cause explains: what is known and what was
-    ``seen``; and, where the best set leaves less than half, what is probably at work whatever else is. That is no
+    ``seen``; and, where the best set leaves less than half, what is probably active whatever else is. That is no
     movement, of which angles tell which constraint gives way and not what moves, unless both joints were seen to move:
     what gives way beside them is of one constraint alone. Nor is it, but for a frame, what is larger than such an
     effect is: it takes the place of what is not explained. Where angles contradict the landmarks, only what is
@@ -112,7 +112,7 @@ def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
 
 
 def _places(search: Search, node: Node) -> dict[str, dict[str, Node]]:
-    """What may stand in the place of each cause that is not known to be at work."""
+    """What may stand in the place of each cause that is not known to be active."""
     return {name: search.in_place_of(node, name) for name in node.hypothesis if name not in search.known}
 
 

@@ -28,10 +28,10 @@ class Weights:
 
     @cached_property
     def inclusion(self) -> dict[str, float]:
-        """Probability of every cause, whatever its course, of being at work; most probable first."""
+        """Probability of every cause, whatever its course, of being active; most probable first."""
         found = dict.fromkeys(self.cause.values(), 0.0)
         for hypothesis, probability in self.probability.items():
-            for cause in {self.cause[name] for name in hypothesis}:
+            for cause in dict.fromkeys(self.cause[name] for name in hypothesis):
                 found[cause] += probability
         return dict(sorted(found.items(), key=lambda one: -one[1]))
 

@@ -10,10 +10,10 @@ from adapt.diagnosis.texts.wording import (
     amplitude_text,
     cause_names,
     gap_text,
+    held_out_kind_text,
     listed,
     number,
     percent_text,
-    unseen_text,
     with_unit,
 )
 from models.effects import EFFECTS
@@ -125,7 +125,7 @@ def _takes(diagnosis: Diagnosis, name: str) -> str:
     for before, step in zip(diagnosis.budget, diagnosis.budget[1:], strict=False):
         if cause_of(step.step) == name and step.step != ADAPTED_STEP and math.isfinite(step.gap_deg.value):
             fall = f"{gap_text(before.gap_deg.value)} to {gap_text(step.gap_deg.value)} deg"
-            return f"With it the gap on {unseen_text(diagnosis.gaps)} goes from {fall}."
+            return f"With it the gap on {held_out_kind_text(diagnosis.gaps)} goes from {fall}."
     return ""
 
 

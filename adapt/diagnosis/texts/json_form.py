@@ -109,8 +109,8 @@ def _step(step: Step) -> JsonObject:
 
 
 def _gaps(gaps: Gaps) -> JsonObject:
-    """The gaps by what was held out, those of postures at the top level too; how far the most unseen ones shrink."""
-    postures = plain(gaps.unseen)
+    """The gaps by what was held out, those of postures at the top level too; how far the hardest shrink."""
+    postures = plain(gaps.other_postures)
     return {
         **postures,
         "in_sample": plain(gaps.in_sample),

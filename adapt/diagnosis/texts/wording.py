@@ -44,7 +44,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     before, with_effect, floor = _levels(diagnosis, "own_bones", "with_effect")
     levels = diagnosis.gaps.hardest
     verb = "shrinks" if levels["with_effect"][ALL].value < levels["own_bones"][ALL].value else "goes"
-    gap = f"the gap of {subjects_text(diagnosis)} on {unseen_text(diagnosis.gaps)}"
+    gap = f"the gap of {subjects_text(diagnosis)} on {held_out_kind_text(diagnosis.gaps)}"
     start, end = f"Beyond {OWN} {gap} {verb} from {before} to {with_effect} deg with", f"noise alone leaves {floor}."
     too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
     *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
@@ -52,10 +52,10 @@ def sentence(diagnosis: Diagnosis) -> str:
 
 
 def _without_cause(diagnosis: Diagnosis) -> str:
-    """Say that none is named, and what bones of each person's own take away."""
+    """Say that none is named, and what own bones take away."""
     adapted, own, floor = _levels(diagnosis, "adapted", "own_bones")
-    unseen, subjects = unseen_text(diagnosis.gaps), subjects_text(diagnosis)
-    end = f"on {unseen} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
+    held_out, subjects = held_out_kind_text(diagnosis.gaps), subjects_text(diagnosis)
+    end = f"on {held_out} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
     if not diagnosis.can_test:
         return f"One motion of one person cannot show a cause: the gap {end}"
     if diagnosis.verdict.answer == NONE:
@@ -131,13 +131,13 @@ def subjects_text(diagnosis: Diagnosis) -> str:
     return f"{count} shoulder{'s' if count != 1 else ''}"
 
 
-def unseen_text(gaps: Gaps) -> str:
+def held_out_kind_text(gaps: Gaps) -> str:
     """Write what the held-out gaps are of: 'held-out motions' if there are several kinds, else persons or postures."""
     return f"held-out {'motions' if gaps.other_motion else 'persons' if gaps.other_person else 'postures'}"
 
 
 def held_out_text(gaps: Gaps) -> str:
-    """Write what was held out for the most unseen gaps that there are."""
+    """Write what was held out for the gaps of which most was."""
     part = "each motion in turn" if gaps.other_motion else "every third posture in turn"
     return f"{part}, with causes found in other persons" if gaps.other_person else part
 
@@ -176,7 +176,7 @@ def _two_names(names: tuple[str, ...]) -> str:
 
 
 def _levels(diagnosis: Diagnosis, before: GapKind, after: GapKind) -> tuple[str, str, str]:
-    """The most unseen gap, degrees: before, after, from noise; two digits where one shows no change."""
+    """The gap of which most was held out, degrees: before, after, from noise; two digits where one shows no change."""
     levels = diagnosis.gaps.hardest
     found = [levels[kind][ALL].value for kind in (before, after, "noise_floor")]
     coarse, fine = (tuple(gap_text(value, digits) for value in found) for digits in (1, 2))

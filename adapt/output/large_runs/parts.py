@@ -176,7 +176,7 @@ class Parts:
 
         atomic_write_pieces(folder / "fits.csv", _pieces(every_fit()))
         fits = pd.concat(shown, ignore_index=True)
-        parameters, heldout = (as_table(self._rows(_name(one, k) for k in models)) for one in ("parameters", "heldout"))
+        parameters, heldout = (self._whole([_name(one, k) for k in models]) for one in ("parameters", "heldout"))
 
         def every_summary() -> Iterator[pd.DataFrame]:
             for state, k in states:
@@ -201,8 +201,11 @@ class Parts:
             failed,
         )
 
+    def _whole(self, names: Sequence[str]) -> pd.DataFrame:
+        return as_table(partial(self._rows, names))
+
     def _tables(self, names: Iterable[str]) -> Iterator[pd.DataFrame]:
-        return (as_table([rows]) for rows in self._rows(names))
+        return (as_table(lambda rows=rows: [rows]) for rows in self._rows(names))
 
     def _rows(self, names: Iterable[str]) -> Iterator[Rows]:
         """The arrays of these names, name by name of all parts, one of them in memory at a time."""

@@ -39,8 +39,9 @@ def diagnose_side_by_side(
                 _passed_on(asked, stages, progress)
                 return {name: found for one in asked for name, found in one.result().items()}
             except BaseException:  # interrupted, or one failed: nobody waits for the others
-                for one in set(active_children()).difference(others):
-                    one.terminate()
+                for one in active_children():
+                    if one not in others:
+                        one.terminate()
                 raise
     except BrokenProcessPool as error:
         remedy = "Start it again with one --model at a time"

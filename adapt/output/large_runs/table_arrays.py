@@ -2,7 +2,7 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Tables as numpy arrays with a field a column: what a file without pickle holds, every number as it is."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pandas as pd
@@ -23,11 +23,16 @@ def _text(column: pd.Series) -> Shaped[np.ndarray, " rows"]:
     return np.array(column.tolist(), dtype=str)
 
 
-def as_table(parts: Iterable[Rows]) -> pd.DataFrame:
-    """Turn arrays of the same columns into one table; a part without rows has no say in what its columns are."""
-    tables: list[pd.DataFrame] = []
-    names: tuple[str, ...] = ()
-    for rows in parts:
-        names = rows.dtype.names or ()
-        tables.extend([pd.DataFrame(rows)] if len(rows) else [])
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=list(names))
+def as_table(parts: Callable[[], Iterable[Rows]]) -> pd.DataFrame:
+    """Turn arrays of the same columns into one table; a part without rows has no say in what its columns are.
+
+    ``parts`` gives them anew for each column: at once, they would be in memory beside the table.
+    """
+    columns: tuple[str, ...] = ()
+    for rows in parts():
+        columns = rows.dtype.names or ()
+        if len(rows):
+            break
+    else:
+        return pd.DataFrame(columns=list(columns))
+    return pd.DataFrame({one: np.concatenate([rows[one] for rows in parts() if len(rows)]) for one in columns})

@@ -61,7 +61,7 @@ function writeSubjects() {
   const headings = [
     "subject",
     ...data.columns.map((key) => (data.angles.find((angle) => angle.key === key) || { name: key }).name),
-    ...data.unseen.map((bone) => `${bone}, held out`),
+    ...data.held_out.map((bone) => `${bone}, held out`),
   ];
   const head = document.createElement("thead");
   head.appendChild(document.createElement("tr")).append(...headings.map((name) => cell("th", name)));
@@ -81,7 +81,7 @@ function writeSubjects() {
         );
         return one;
       }),
-      ...data.unseen.map((_, k) => cell("td", degrees(model().unseen_deg[n][k]))),
+      ...data.held_out.map((_, k) => cell("td", degrees(model().held_out_deg[n][k]))),
     );
     line.classList.toggle("chosen", n === at.subject);
     line.addEventListener("click", () => {

@@ -57,10 +57,10 @@ function heatNumbers() {
 }
 
 function gapNumbers() {
-  const { unseen, in_sample, what } = data.gap[model().name];
+  const { held_out, in_sample, what } = data.gap[model().name];
   const rows = Object.entries(BONES).flatMap(([bone, name]) =>
     gapKinds().map((kind) => {
-      const each = [unseen, in_sample].map((levels) => levels[kind][bone]);
+      const each = [held_out, in_sample].map((levels) => levels[kind][bone]);
       return [name, GAPS[kind], ...each.flatMap(({ value, low, high }) => [value, low, high])];
     }),
   );
@@ -81,7 +81,7 @@ function barNumbers(headings, bars) {
 
 const shownBars = (place) => document.querySelectorAll(`${place}:not([hidden]) .answer`);
 const NUMBERS = {
-  ladder: () => barNumbers(["step", "gap, °", "low", "high"], shownBars("#ladder .ladder")),
+  budget: () => barNumbers(["step", "gap, °", "low", "high"], shownBars("#gap-budget .gap-budget")),
   ranking: () => barNumbers(["candidate", "probability"], shownBars("#why .diagnosis")),
   view: landmarkNumbers,
   angles: angleNumbers,

@@ -1,4 +1,4 @@
-// The charts: angles, constraints, heat maps, unseen gaps.
+// The charts: angles, constraints, heat maps, held-out gaps.
 
 function draw(place, traces, layout) {
   const base = {
@@ -196,7 +196,7 @@ function drawHeat() {
 
 const GAPS = { base: "as it is", adapted: "adapted", own_bones: "own bones", with_effect: "with causes", noise_floor: "noise alone" };
 const BONES = { all: "both bones", clavicle: "clavicle", scapula: "scapula" };
-const gapKinds = () => Object.keys(GAPS).filter((kind) => kind in data.gap[model().name].unseen);
+const gapKinds = () => Object.keys(GAPS).filter((kind) => kind in data.gap[model().name].held_out);
 
 function drawGaps() {
   const gap = data.gap[model().name];
@@ -228,7 +228,7 @@ function drawGaps() {
       };
     };
     const traces = [
-      dots(gap.unseen, gap.what, { color: COLOUR.after, size: 9 }, -0.12),
+      dots(gap.held_out, gap.what, { color: COLOUR.after, size: 9 }, -0.12),
       dots(gap.in_sample, "in sample", { color: "white", size: 8, line: { color: "#777777", width: 1.5 } }, 0.16),
     ];
     const layout = {

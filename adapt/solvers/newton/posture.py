@@ -41,7 +41,7 @@ _LAST_STEP_RAD = ByType(1e-7, 1e-5)
 """A fit ends with a step this short: quadratically, nothing but rounding is left after it, and the conditions
 are looked at there."""
 
-_SAME_VALLEY_RAD = 1e-3
+_SAME_MINIMUM_RAD = 1e-3
 """A Newton step that ends this near to a known optimum leads to it."""
 
 _SAME_DEG2 = ByType(1e-6, 1e-3)
@@ -154,8 +154,8 @@ def iterate_from_two_starts(
 
 
 def _near(q: Components, known: Components) -> Array:
-    """Whether q is in the valley of a known optimum."""
-    return largest([x - y for x, y in zip(q, known, strict=True)]) <= _SAME_VALLEY_RAD
+    """Whether q is in the local minimum of a known optimum."""
+    return largest([x - y for x, y in zip(q, known, strict=True)]) <= _SAME_MINIMUM_RAD
 
 
 def _first(angles: Components, multipliers: Components, nearby_multipliers: Components) -> _State:

@@ -32,9 +32,10 @@ OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 
 """Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
 
 _FAR_DEG2 = 15.0
-"""From such a J on (4 deg rms) which valley a path ends in is chance: a fit starts from more places. Of 3000 simulated
-adaptations with noise of 4 deg 56 end with a lower E than with 200, with 0 one more. Measured postures leave 64 with R2
-as it is. Beyond 200 valleys are many: 3 % of fits end in a higher one than the lowest of 40 other places."""
+"""From such a J on (4 deg rms) which local minimum a path ends in is chance: a fit starts from more places. Of 3000
+simulated adaptations with noise of 4 deg 56 end with a lower E than with 200, with 0 one more. Measured postures leave
+64 with R2 as it is. Beyond 200 local minima are many: 3 % of fits end in a higher one than the lowest of 40 other
+places."""
 
 _CLOSING_STEPS, _FAR_CLOSING_STEPS = 3.0, 6.0
 """Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of

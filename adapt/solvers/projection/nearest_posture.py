@@ -1,6 +1,6 @@
 """The chain near measured postures: the closed posture nearest to each, and how it moves with parameters and effects.
 
-One compiled function for all candidate effects at once, each with strength zero where it is not at work, so that no
+One compiled function for all candidate effects at once, each with strength zero where it is not active, so that no
 hypothesis needs a compilation of its own.
 """
 

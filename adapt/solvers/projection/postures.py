@@ -184,7 +184,7 @@ def _projected(
 
 
 def _parts_of(girdle: AnyGirdle) -> tuple[Girdle, ActiveEffects]:
-    """The girdle itself, for the engine, and what is at work."""
+    """The girdle itself, for the engine, and what is active."""
     plain, active = (
         (girdle, NO_ACTIVE_EFFECTS) if isinstance(girdle, Girdle) else (girdle.girdle, girdle.active_effects)
     )

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from adapt.solvers import status
 from adapt.trust.questions.answer import ELLIPSOID, Answer, Collector
-from adapt.trust.questions.persons import AdaptedRows, Persons, Unseen, adapt_rows, closest, with_noise_alone
+from adapt.trust.questions.persons import AdaptedRows, HeldOutMotion, Persons, adapt_rows, closest, with_noise_alone
 from adapt.trust.questions.posture_ellipsoids import foreseen_square_sd, least_change, smooth_share
 from adapt.trust.thesis.printed import SETS, sd_mm
 from models.adapted_parameters import ADAPTED_PARAMETERS, PERSON_SD_MM
@@ -45,8 +45,8 @@ def ellipsoid_answers(data: AdaptedRows, persons: Persons, noise_deg: float) -> 
     worlds = {MEASURED: (data, data), SIMULATED: (replace(data, motions=noisy), adapt_rows(noisy, data.model))}
     for label, (known, adapted) in worlds.items():
         _add_sizes(found, label, known, persons, noise_deg, of_mm)
-        if adapted.unseen:
-            _add_unseen(found, label, adapted, persons, of_mm)
+        if adapted.held_out_motions:
+            _add_held_out(found, label, adapted, persons, of_mm)
     return found.answers
 
 
@@ -91,11 +91,11 @@ def line_over_elevation(change, seen_deg, elevation_deg) -> np.ndarray:
     return (np.stack([np.ones_like(elevation_deg), elevation_deg], axis=1) @ line).T
 
 
-def _add_unseen(found: Collector, label: str, data: AdaptedRows, persons: Persons, of_mm) -> None:
+def _add_held_out(found: Collector, label: str, data: AdaptedRows, persons: Persons, of_mm) -> None:
     """The gap on motions held out: adapted without them, and with the course of their other motions' changes."""
     changes = changes_of_others(data, of_mm)
     courses: dict[str, Course | None] = {WITHOUT: None, WITH_MEAN: mean_change, WITH_LINE: line_over_elevation}
-    gaps = {name: unseen_gaps_deg(data, changes, course) for name, course in courses.items()}
+    gaps = {name: held_out_gaps_deg(data, changes, course) for name, course in courses.items()}
     for bone in ("scapula", "clavicle"):
         values = {name: persons.by_subject(one[:, BONES[bone]].mean(axis=1)) for name, one in gaps.items()}
         for name, value in values.items():
@@ -106,18 +106,20 @@ def _add_unseen(found: Collector, label: str, data: AdaptedRows, persons: Person
 
 def changes_of_others(data: AdaptedRows, of_mm: np.ndarray) -> list[np.ndarray]:
     """Find the least changes (mm) of the other postures of the subject of each motion held out, adapted without it."""
-    rows = np.concatenate([one.fitted for one in data.unseen])
-    theta = np.concatenate([np.repeat(one.theta_mm[:, None], len(one.fitted), axis=1) for one in data.unseen], axis=1)
+    rows = np.concatenate([one.fitted for one in data.held_out_motions])
+    theta = np.concatenate(
+        [np.repeat(one.theta_mm[:, None], len(one.fitted), axis=1) for one in data.held_out_motions], axis=1
+    )
     change = least_change(data.girdle_at(rows, theta), data.angles[:, rows], of_mm).change_mm
-    return np.split(change, np.cumsum([len(one.fitted) for one in data.unseen])[:-1], axis=1)
+    return np.split(change, np.cumsum([len(one.fitted) for one in data.held_out_motions])[:-1], axis=1)
 
 
-def unseen_gaps_deg(
+def held_out_gaps_deg(
     data: AdaptedRows, changes: Sequence[np.ndarray], course: Course | None
 ) -> Float[np.ndarray, "rows 6"]:
     """Compute |simulated - measured| of every row, its motion being held out; NaN where that is not possible."""
     theta = data.without_mm.copy()
-    for one, change in zip(data.unseen, changes, strict=True):
+    for one, change in zip(data.held_out_motions, changes, strict=True):
         if course is not None:
             theta[:, one.tested] += predicted_change(data, one, change, course)
     lengths = np.array([parameter.is_length for parameter in ADAPTED_PARAMETERS])[:, None]
@@ -126,7 +128,7 @@ def unseen_gaps_deg(
     return np.abs(fitted - data.angles).T * DEG
 
 
-def predicted_change(data: AdaptedRows, one: Unseen, change, course: Course) -> np.ndarray:
+def predicted_change(data: AdaptedRows, one: HeldOutMotion, change, course: Course) -> np.ndarray:
     """Predict the changes of the motion held out by the course of those that are known."""
     elevation, known = data.motions.humerus_elevation_deg, np.isfinite(change).all(axis=0)
     return course(change[:, known], elevation[one.fitted[known]], elevation[one.tested])

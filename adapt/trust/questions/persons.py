@@ -26,7 +26,7 @@ _MOST_NAMED = 10
 
 
 @dataclass(frozen=True)
-class Unseen:
+class HeldOutMotion:
     """A motion of a subject, and the parameters adapted without it."""
 
     tested: Int[np.ndarray, " tested"]
@@ -45,7 +45,7 @@ class AdaptedRows:
     adapted_mm: Float[np.ndarray, "adapted rows"]
     without_mm: Float[np.ndarray, "adapted rows"]
     """NaN in a subject with one motion, or where the adaptation failed."""
-    unseen: tuple[Unseen, ...]
+    held_out_motions: tuple[HeldOutMotion, ...]
 
     @property
     def angles(self) -> Float[np.ndarray, "6 rows"]:
@@ -83,13 +83,13 @@ def adapt_rows(motions: Motions, model: AnyModel) -> AdaptedRows:
     number = {name: k for k, name in enumerate(batch.subjects)}
     rows = np.array([number[name] for name in motions.subject.tolist()])
     without = np.full((len(adapted.theta_mm), len(rows)), np.nan)
-    unseen = []
+    held_out_motions = []
     for k, fold in enumerate(folds):
         if theta.status[k] == status.OK:
-            unseen.append(Unseen(fold.tested, fold.fitted, theta.theta_mm[:, k]))
+            held_out_motions.append(HeldOutMotion(fold.tested, fold.fitted, theta.theta_mm[:, k]))
             without[:, fold.tested] = theta.theta_mm[:, k, None]
     good = np.where(adapted.status == status.OK, adapted.theta_mm, np.nan)
-    return AdaptedRows(model, motions, good[:, rows], without, tuple(unseen))
+    return AdaptedRows(model, motions, good[:, rows], without, tuple(held_out_motions))
 
 
 def closest(girdle: Girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 rows"]:

@@ -53,7 +53,7 @@ class BonePoses:
 
 
 def bone_poses(girdle: AnyGirdle, angles: Float[Array, " 6 *batch"]) -> BonePoses:
-    """Find SC and the true rotations of the bones at angles as they would be measured, rad, with what is at work."""
+    """Find SC and the true rotations of the bones at angles as they would be measured, rad, with what is active."""
     if isinstance(girdle, Girdle):
         return _poses(girdle, bone_rotations(angles))
     steps = list(girdle.steps(angles))

@@ -53,7 +53,7 @@ def lines(motions: Motions, model: ParameterSet) -> Iterator[list[str]]:
             effects = dict.fromkeys(names, "measured")
             result = adapt_subjects(motions, model, held_out=motions.subjects, effects=effects, own_bones=bones)
             found = result.of(model.name)
-            gaps = [bone_means(gap) for gap in by_subject(found, found.held_out.unseen_deg)]
+            gaps = [bone_means(gap) for gap in by_subject(found, found.held_out.gaps_deg)]
             residuals = [np.sqrt(np.nanmean(one**2, axis=1)) for one in by_subject(found, residuals_mm(found))]
             held_out = of_motions(found.held_out)
             away = Judge.of(model, found.rows).gap_mm(adapted_to_folds(found.rows, held_out), held_out.folds)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.engine.batching import take_problems
-from adapt.evaluation.predictions import gaps_of, unseen_angles
+from adapt.evaluation.predictions import gaps_of, held_out_angles
 from adapt.own_bones.own_adaptation import OwnBones, adapt_own_bones, spread_of, with_own_noise
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problems import Problems, problems_of, select_problems
@@ -160,7 +160,7 @@ def _gaps(rows: PostureRows, model: ParameterSet, pairs, correlation) -> tuple[f
     *_, own = adapt_own_bones(of_other, there, with_own_noise(of_other, there), WEIGHT)
     scales = with_own_noise(part, at)
     part, at = with_belief(part, at, told_by_other_side(of_angles(own), correlation))
-    gaps = gaps_of(part, unseen_angles(*adapt_own_bones(part, at, scales, WEIGHT)[:2], tested))
+    gaps = gaps_of(part, held_out_angles(*adapt_own_bones(part, at, scales, WEIGHT)[:2], tested))
     return float(np.nanmean(gaps[:3])), float(np.nanmean(gaps[3:]))
 
 

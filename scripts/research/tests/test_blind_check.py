@@ -37,7 +37,7 @@ TRUE, OTHER, THIRD = "conoid_strain", "ac_translation", "thorax_tilt"
 
 
 GAPS = {
-    "unseen_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
+    "gaps_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
     "other_motion_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}},
 }
 """Predicted, from postures and from a motion held out."""
@@ -379,7 +379,7 @@ def diagnosed(*causes: Cause, **more: Any) -> Any:
     """What the lines read of a diagnosis."""
     level = {ALL: Interval(1.0, 0.9, 1.1)}
     levels = dict.fromkeys(("noise_floor", "base", "adapted", "with_effect"), level)
-    gaps = SimpleNamespace(unseen=levels, other_motion=None, hardest=levels)
+    gaps = SimpleNamespace(other_postures=levels, other_motion=None, hardest=levels)
     names = [name for cause in causes for name in cause.names]
     share = dict.fromkeys(names, 0.9 / max(1, len(names)))
     verdict = Verdict("effect" if causes else "none", causes, dict.fromkeys(names, 0.8), {**share, "unknown": 0.1})
@@ -402,7 +402,7 @@ def test_a_cause_has_one_name_whatever_its_course() -> None:
     assert found["probability"] == pytest.approx({TRUE: 0.6, OTHER: 0.3, "unknown": 0.1})
     assert found["inclusion"] == {TRUE: 0.8, OTHER: 0.8}
     assert found["indistinguishable"] == [[TRUE, OTHER]]
-    assert found["unseen_deg"]["adapted"] == {"value": 1.0, "low": 0.9, "high": 1.1}
+    assert found["gaps_deg"]["adapted"] == {"value": 1.0, "low": 0.9, "high": 1.1}
     assert found["other_motion_deg"] == {}
 
 

@@ -53,7 +53,7 @@ def libraries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[set[str] 
         found = SimpleNamespace(
             verdict=verdict,
             noise=Noise(1.5, "estimated", 100.0),
-            gaps=SimpleNamespace(unseen=levels, other_motion=None, hardest=levels),
+            gaps=SimpleNamespace(other_postures=levels, other_motion=None, hardest=levels),
             left_over_share=0.2,
             indistinguishable=[],
             subjects=motions.subjects,

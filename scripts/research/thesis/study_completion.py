@@ -156,7 +156,7 @@ def outcome(models: Sequence[ParameterSet], of: Shoulders) -> Outcome:
     adapted = adapt_batch(data)
     ok = adapted.status == status.OK
     after = np.where(_known(data) & ok, np.abs(adapted.angles - data.angles) * DEG, np.nan)
-    unseen = held_out(data, of.rows, of.folds).unseen_deg
+    unseen = held_out(data, of.rows, of.folds).gaps_deg
     by_fold = [np.stack(unseen[k :: len(of.folds)], axis=-1) for k in range(len(of.folds))]  # (6, tested, models)
     of_subject = [
         np.concatenate([by_fold[k] for k, fold in enumerate(of.folds) if fold.subject == s], axis=1)

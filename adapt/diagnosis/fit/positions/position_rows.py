@@ -244,7 +244,7 @@ class Seen:
     def by_channel(
         self, effects: Sequence[Effect], angles: Float[np.ndarray, "6 rows"]
     ) -> Float[np.ndarray, "rows n channels"]:
-        """Compute the slopes in the strength of every channel of every effect, where none is at work."""
+        """Compute the slopes in the strength of every channel of every effect, where none is active."""
         found = []
         for effect in effects:
             if not effect.moves_landmarks:

@@ -30,6 +30,10 @@ class ShownNoise(NamedTuple):
     known: tuple[Float[np.ndarray, "3*own 3*own"], ...]
     """What goes from the covariance of y of each shoulder; all rows of one constraint, then of the next."""
 
+    def of(self, where: Int[np.ndarray, " own"]) -> Float[np.ndarray, "rows 3 own+1"]:
+        """Take what is added of some amplitudes, and without any."""
+        return self.added[..., np.append(where, -1)]
+
 
 def shown_noise(
     rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None

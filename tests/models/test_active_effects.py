@@ -1,4 +1,4 @@
-"""Effects that are known to be at work: fits and adaptations with them, on simulated subjects that have them."""
+"""Effects that are known to be active: fits and adaptations with them, on simulated subjects that have them."""
 
 import pickle
 import re

@@ -1,5 +1,5 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
-"""What intervals of bones are unsure of: straight and bent valleys, and scales that few persons tell."""
+"""What intervals of bones are unsure of: straight and curved ridges, and scales that few persons tell."""
 
 from types import SimpleNamespace
 
@@ -87,13 +87,13 @@ def test_the_variance_of_scales_is_that_of_normal_numbers():
     assert (variances(0.0, 1.0) > 0.1).all()
 
 
-def test_valleys_of_persons_who_hardly_differ_are_straight():
+def test_ridges_of_persons_who_hardly_differ_are_straight():
     """The chain is linear over a fiftieth of how people differ, and draws move the optimum as the slopes say."""
     found = untold(simulated(20, 0.0, noise_deg=0.1, seed=12).motions)
     assert found[1:].max() < 0.02
 
 
-def test_bent_valleys_tell_less(twice):
+def test_curved_ridges_tell_less(twice):
     """And the same of a set alone as beside another."""
     alone = untold(twice.motions)
     assert (alone > 0.08).all()
@@ -109,12 +109,12 @@ def test_of_few_persons_nothing_is_known_of_it():
 
 
 def test_intervals_of_persons_who_differ_twice_as_much_hold(twice):
-    """Of bones and frames, with the scales as they are: without what valleys do not tell they are too small."""
+    """Of bones and frames, with the scales as they are: without what ridges do not tell they are too small."""
     inside = {}
     scales = {"R2": Scales(1.0, 2.0, 2.0, NOISE_DEG)}
-    for word, share in (("slopes", NOTHING), ("valleys", untold(twice.motions))):
+    for word, share in (("slopes", NOTHING), ("ridges", untold(twice.motions))):
         own = adapted(twice.motions, People({}, scales, {"R2": {}}, unsure=unsure(share))).problems.own_bones
         close = np.abs(own.sizes - twice.sizes) <= 1.96 * own.sd
         inside[word] = [close[k == GROUP].mean() for k in (1, 2)]
     assert min(inside["slopes"]) < 0.925
-    assert 0.925 < min(inside["valleys"]) <= max(inside["valleys"]) < 0.98, inside  # 95 %, with an error of 1 %
+    assert 0.925 < min(inside["ridges"]) <= max(inside["ridges"]) < 0.98, inside  # 95 %, with an error of 1 %

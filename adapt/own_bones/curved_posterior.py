@@ -1,8 +1,9 @@
 """What motions tell of bones, less what the slopes at the most probable girdle overstate.
 
-The posterior of the chain's u (``own_bones.most_probable``) has bent valleys. Its covariance H^-1, by the slopes at the
-optimum, is that of straight ones: too small where people differ much. Draws show by how much: with the measured angles
-moved by noise e, the mean of the prior by eta ~ N(0, 1), the optimum moves by d. Of a straight valley it would move by
+The posterior of the chain's u (``own_bones.most_probable``) is curved, along ridges that bend. Its covariance H^-1, by
+the slopes at the optimum, is that of straight ridges: too small where people differ much. Draws show by how much: with
+the measured angles moved by noise e, the mean of the prior by eta ~ N(0, 1), the optimum moves by d. Along a straight
+ridge it would move by
 
     d' = H^-1 (eta - T'B e / sigma^2),
 

@@ -1,8 +1,8 @@
-"""The folds of a search: kinds of motion unseen by everybody, and kinds of motion together with persons.
+"""The folds of a search: kinds of motion held out of everybody, and kinds of motion together with persons.
 
-Fold (m): kind of motion m unseen by everybody. Fold (p, m): the amplitudes have not seen person p (left and right) nor
-the motion m; the adapted parameters of p's shoulders have seen their other motions. Of a single kind of motion every
-third posture is held out in its place.
+Fold (m): motion m held out of everybody. Fold (p, m): person p (left and right) and motion m held out of the
+amplitudes, m of the adapted parameters of p's shoulders. Of a single kind of motion every third posture is held out in
+its place.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
-"""Sizes of causes that have not seen what a fold holds out: a kind of motion, and persons, or of each person's own."""
+"""Amplitudes of causes without what a fold holds out, a kind of motion and persons: of the population, or of a
+subject."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 
@@ -10,7 +11,7 @@ from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
 from adapt.diagnosis.fit.posterior import Posterior
-from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.fit.search_folds import Folds
 from adapt.diagnosis.inference.search import Search
 from adapt.solvers.rows import PostureRows
 from adapt.tables.folds import MOTION, Fold
@@ -29,27 +30,27 @@ def effects_of_folds(
     rows: PostureRows,
     folds: Sequence[Fold],
     library: Mapping[str, Effect],
-    at_work: Hypothesis,
+    active: Hypothesis,
     seen: Collection[str],
 ) -> ActiveEffects:
     """Give every fold, of one kind, the effects of a hypothesis at its postures, (channels, postures, folds); those of
-    ``at_work`` that are not in the hypothesis have the size 0. ``seen``: causes that positions show."""
+    ``active`` that are not in the hypothesis have the size 0. ``seen``: causes that positions show."""
     kind = search.folds.only(folds[0].kind)
     candidates = search.joint.candidates
     at = search.mode(hypothesis)
-    amplitudes = unseen_amplitudes(kind, candidates, hypothesis, at, search.likelihood_without, seen)
-    none = no_size(at_work, library)
+    amplitudes = held_out_amplitudes(kind, candidates, hypothesis, at, search.likelihood_without, seen)
+    none = no_size(active, library)
     by_held_out = {
-        (fold.held_out, fold.unseen): active_effects(
+        (fold.held_out, fold.held_out_subjects): active_effects(
             none | {effect.name: a[own].tolist() for effect, own in candidates.slices(hypothesis)}, motions, library
         )
         for fold, a in zip(kind.each, amplitudes, strict=True)
     }
-    each = [_of_subject(by_held_out[fold.held_out, fold.unseen], rows, fold.subject) for fold in folds]
+    each = [_of_subject(by_held_out[fold.held_out, fold.held_out_subjects], rows, fold.subject) for fold in folds]
     return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
 
 
-def unseen_amplitudes(
+def held_out_amplitudes(
     folds: Folds,
     candidates: Candidates,
     hypothesis: Hypothesis,
@@ -68,8 +69,8 @@ def unseen_amplitudes(
     subjects = np.arange(len(at.theta_mm))
     found: dict[tuple[str, tuple[int, ...]], np.ndarray] = {}
     for fold in folds.each:
-        if (held_out := (fold.held_out, fold.unseen)) not in found:
-            others = ~np.isin(subjects, fold.unseen)
+        if (held_out := (fold.held_out, fold.held_out_subjects)) not in found:
+            others = ~np.isin(subjects, fold.held_out_subjects)
             evidence = of_motion[fold.held_out].of(others)
             given = evidence.given(own, here[where], candidates.mean[where], candidates.scale[where])
             positions = likelihood_without(fold.held_out).positions
@@ -77,7 +78,7 @@ def unseen_amplitudes(
             found[held_out] = given.amplitude
             if shown:
                 found[held_out][shown.where] = shown.given.amplitude
-    return np.array([found[fold.held_out, fold.unseen] for fold in folds.each])
+    return np.array([found[fold.held_out, fold.held_out_subjects] for fold in folds.each])
 
 
 def own_effects(
@@ -90,11 +91,12 @@ def own_effects(
     seen: Collection[str],
 ) -> ActiveEffects:
     """Give every subject, and then every fold, the effects of a hypothesis with sizes of the subject's own: (channels,
-    postures, subjects and folds). Those of a fold have not seen the kind of motion that it holds out."""
+    postures, subjects and folds). Those of a fold are fitted without the kind of motion that it holds out."""
     subjects = range(len(rows.subjects))
     wanted: list[tuple[str | None, int]] = [(None, subject) for subject in subjects]
     wanted += [(fold.held_out if fold.kind == MOTION else None, fold.subject) for fold in folds]
-    sizes = {motion: search.sizes_of_shoulders(hypothesis, seen, motion) for motion in {motion for motion, _ in wanted}}
+    motions_held_out = dict.fromkeys(motion for motion, _ in wanted)
+    sizes = {motion: search.sizes_of_shoulders(hypothesis, seen, motion) for motion in motions_held_out}
     every = [
         active_effects({name: a.tolist() for name, a in sizes[motion][subject].items()}, motions, library)
         for motion, subject in wanted
