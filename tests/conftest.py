@@ -17,10 +17,9 @@ os.environ["JAX_COMPILATION_CACHE_DIR"] = str(COMPILED)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"  # the smallest is read in a third of the time
 
 # XLA reads them when it first compiles. A third of the tests' time is compilation: with these the files that compile
-# most take a quarter less, and the programs are as exact. They run a few times: level 0 is a fifth quicker to compile
-# than level 1, and hardly slower.
+# most take a fifth less, and the programs are as exact.
 os.environ["XLA_FLAGS"] = (
-    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+    "--xla_backend_optimization_level=1 --xla_llvm_disable_expensive_passes=true"
     " --xla_cpu_parallel_codegen_split_count=1"
 )
 if version("jaxlib").startswith("0.10."):  # a later one has no others, and ends a process that names them
