@@ -9,20 +9,19 @@ prose: only the count has them.
 
 import re
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from scripts.rooms import ROOT
+from scripts.rooms import ROOT, source_files
 
 MOST_WORDS = 20_000
 """Of all user pages together, code and tables included: two hours of reading."""
 
 REPLACED = {
     r"unseen": "held-out",
-    r"not seen|have seen|has seen|had not seen": "held out of",
     r"valleys?": "local minimum",
     r"at work": "active",
     r"left over": "unexplained",
@@ -54,7 +53,7 @@ NOBODY_UNDERSTOOD = (
 )
 """Of sentences that readers of the pages had to read twice."""
 
-OF_PAGES = "not seen|have seen|has seen|had not seen"
+REPLACED_IN_PAGES = {r"not seen|have seen|has seen|had not seen": "held out of"}
 """In code a marker is not seen."""
 
 _BLOCK = re.compile(r"^```[^\n]*\n.*?^```|\$\$.*?\$\$|`[^`\n]*`|\$[^$\n]+\$|\]\([^)\s]*\)", re.MULTILINE | re.DOTALL)
@@ -82,26 +81,28 @@ def findings(page: Path) -> Iterator[str]:
     """Say of each line of a page which word has a term in the glossary, or tells history."""
     name, text = str(page.relative_to(ROOT)), page.read_text("utf-8")
     yield from (f"{name}: nobody understood '{one}'" for one in NOBODY_UNDERSTOOD if one in " ".join(text.split()))
+    patterns = {**_whole_words(REPLACED), **_whole_words(REPLACED_IN_PAGES), **HISTORY}
     for number, line in enumerate(prose(text).splitlines(), 1):
-        for pattern, term in {**{rf"\b(?:{word})\b": term for word, term in REPLACED.items()}, **HISTORY}.items():
-            if found := re.search(pattern, line):
-                yield f"{name}:{number}: '{found.group()}': {term}"
-
-
-def code_files() -> list[Path]:
-    """List the modules of the library."""
-    return sorted(path for folder in ("adapt", "models", "motions") for path in (ROOT / folder).rglob("*.py"))
+        yield from _wrong(line, patterns, f"{name}:{number}")
 
 
 def code_findings(file: Path) -> Iterator[str]:
     """Say of each docstring and comment of a module which word has a term in the glossary."""
-    replaced = {rf"\b(?:{word})\b": term for word, term in REPLACED.items() if word != OF_PAGES}
+    patterns = _whole_words(REPLACED)
     with file.open("rb") as lines:
         for token in tokenize.tokenize(lines.readline):
             if token.type == tokenize.COMMENT or token.string.startswith('"""'):
-                for pattern, term in replaced.items():
-                    if found := re.search(pattern, prose(token.string)):
-                        yield f"{file.relative_to(ROOT)}:{token.start[0]}: '{found.group()}': {term}"
+                yield from _wrong(prose(token.string), patterns, f"{file.relative_to(ROOT)}:{token.start[0]}")
+
+
+def _whole_words(replaced: Mapping[str, str]) -> dict[str, str]:
+    return {rf"\b(?:{word})\b": term for word, term in replaced.items()}
+
+
+def _wrong(text: str, patterns: Mapping[str, str], where: str) -> Iterator[str]:
+    for pattern, term in patterns.items():
+        if found := re.search(pattern, text):
+            yield f"{where}: '{found.group()}': {term}"
 
 
 def reading_ease(text: str) -> float:
@@ -130,7 +131,7 @@ def main(
             print(f"{reading_ease(page.read_text('utf-8')):5.1f}  {page.relative_to(ROOT)}")
         return
     wrong = [one for page in user_pages() for one in findings(page)]
-    wrong += [one for file in code_files() for one in code_findings(file)]
+    wrong += [one for file in source_files().values() for one in code_findings(file)]
     if (count := word_count()) > MOST_WORDS:
         wrong.append(f"user pages have {count} words, at most {MOST_WORDS}")
     if wrong:

@@ -1,7 +1,7 @@
 """Amplitudes of causes without what a fold holds out, a kind of motion and persons: of the population, or of a
 subject."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 import jax
 import numpy as np
@@ -46,8 +46,8 @@ def effects_of_folds(
         )
         for fold, a in zip(kind.each, amplitudes, strict=True)
     }
-    each = [_of_subject(by_held_out[fold.held_out, fold.held_out_subjects], rows, fold.subject) for fold in folds]
-    return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
+    every = (by_held_out[fold.held_out, fold.held_out_subjects] for fold in folds)
+    return _side_by_side(every, rows, [fold.subject for fold in folds])
 
 
 def held_out_amplitudes(
@@ -97,12 +97,11 @@ def own_effects(
     wanted += [(fold.held_out if fold.kind == MOTION else None, fold.subject) for fold in folds]
     motions_held_out = dict.fromkeys(motion for motion, _ in wanted)
     sizes = {motion: search.sizes_of_shoulders(hypothesis, seen, motion) for motion in motions_held_out}
-    every = [
+    every = (
         active_effects({name: a.tolist() for name, a in sizes[motion][subject].items()}, motions, library)
         for motion, subject in wanted
-    ]
-    each = [_of_subject(one, rows, subject) for one, (_, subject) in zip(every, wanted, strict=True)]
-    return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
+    )
+    return _side_by_side(every, rows, [subject for _, subject in wanted])
 
 
 def no_size(names: Hypothesis, library: Mapping[str, Effect]) -> dict[str, Amplitude]:
@@ -110,10 +109,11 @@ def no_size(names: Hypothesis, library: Mapping[str, Effect]) -> dict[str, Ampli
     return {name: (0.0,) * len(library[name].directions) for name in names}
 
 
-def _of_subject(effects: ActiveEffects, rows: PostureRows, subject: int) -> ActiveEffects:
-    """Take the strengths at the postures of one subject."""
+def _side_by_side(every: Iterable[ActiveEffects], rows: PostureRows, subjects: Sequence[int]) -> ActiveEffects:
+    """Lay effects side by side, each at the postures of a subject of its own."""
 
-    def packed(values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures"]:
-        return rows.packed(values)[..., subject]
+    def packed(subject: int) -> Callable[[Float[np.ndarray, "*k rows"]], Float[np.ndarray, "*k postures"]]:
+        return lambda values: rows.packed(values)[..., subject]
 
-    return jax.tree.map(packed, effects)
+    each = [jax.tree.map(packed(subject), effects) for effects, subject in zip(every, subjects, strict=True)]
+    return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)

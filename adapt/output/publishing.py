@@ -24,13 +24,14 @@ def publish(staged: Path, folder: Path) -> None:
     changed if a folder stands where a file should be, or the other way round.
     """
     places = _places(staged, folder)
-    before, new = last_written(folder), listed(staged)
+    before, names = last_written(folder), list(files_below(staged))
+    new = listed(staged, names)
     read = _inputs_below(staged / RECORD, folder)
     old = [name for name in before.hashes if not (staged / name).exists()]
     stay = [name for name in old if name in DATA or {Path(name), *Path(name).parents} & read]
     # A run killed from here on leaves no file that the next one would not know.
     atomic_write_pieces(folder / LIST, [*new, *before.lines(before.hashes)])
-    _keep_aside(before, files_below(staged))
+    _keep_aside(before, names)
     for part, place in places.items():
         part.replace(place)
     _remove(before, set(old).difference(stay))

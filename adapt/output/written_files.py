@@ -85,9 +85,9 @@ def _unlisted_models(folder: Path) -> list[str]:
     return [f"models/{name}.toml" for name in file_names((rows["model"] + "_" + rows["subject"]).tolist())]
 
 
-def listed(folder: Path) -> list[bytes]:
-    """List the files below the folder as lines of ``LIST``."""
-    return [f"{sha256(folder / name)}  {name}\n".encode() for name in files_below(folder)]
+def listed(folder: Path, names: Iterable[str]) -> list[bytes]:
+    """List files below the folder as lines of ``LIST``."""
+    return [f"{sha256(folder / name)}  {name}\n".encode() for name in names]
 
 
 def files_below(folder: Path, below: str = "") -> Iterator[str]:

@@ -80,8 +80,6 @@ def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None])
         begin, separator = _begin(text)
         lines = _split(chain(begin, text), file, separator)
         header_line, header = next(lines, (None, []))
-        if header and header[0].lower().startswith(_SAYS_SEPARATOR):
-            header_line, header = next(lines, (None, []))
         if header_line is None:
             raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
         columns = [name.strip() for name in header]
@@ -117,11 +115,12 @@ def _lines(path: Path) -> Generator[str, None, None]:
 
 
 def _begin(text: Iterator[str]) -> tuple[list[str], str]:
-    """Read to the header, and tell which sign separates its cells."""
+    """Read to the header, and tell which sign separates its cells; a line that says so is blank from here on."""
     begin: list[str] = []
     for line in text:
-        begin.append(line)
-        if line.strip() and not line.lower().startswith(_SAYS_SEPARATOR):
+        says_separator = line.lstrip('"').lower().startswith(_SAYS_SEPARATOR)
+        begin.append("\n" if says_separator else line)
+        if line.strip() and not says_separator:
             break
     return begin, max(_SEPARATORS, key=begin[-1].count) if begin else ","
 

@@ -176,14 +176,17 @@ class Parts:
 
         atomic_write_pieces(folder / "fits.csv", _pieces(every_fit()))
         fits = pd.concat(shown, ignore_index=True)
-        parameters, heldout = (self._whole([_name(one, k) for k in models]) for one in ("parameters", "heldout"))
+        parameters, heldout = (
+            as_table(partial(self._rows, [_name(one, k) for k in models])) for one in ("parameters", "heldout")
+        )
 
         def every_summary() -> Iterator[pd.DataFrame]:
             for state, k in states:
                 parts = partial(self._tables, [_name("subjects", k, state)])
                 for table in summary_pieces(work.models[k].name, state, parts, heldout):
                     kept = table[table["subject"].isin([*work.shown, *STATISTICS])]
-                    summary.extend([kept] if len(kept) else [])
+                    if len(kept):
+                        summary.append(kept)
                     yield table
 
         for name, pieces in (("parameters", [parameters]), ("heldout", [heldout]), ("summary", every_summary())):
@@ -201,11 +204,8 @@ class Parts:
             failed,
         )
 
-    def _whole(self, names: Sequence[str]) -> pd.DataFrame:
-        return as_table(partial(self._rows, names))
-
     def _tables(self, names: Iterable[str]) -> Iterator[pd.DataFrame]:
-        return (as_table(lambda rows=rows: [rows]) for rows in self._rows(names))
+        return map(pd.DataFrame, self._rows(names))
 
     def _rows(self, names: Iterable[str]) -> Iterator[Rows]:
         """The arrays of these names, name by name of all parts, one of them in memory at a time."""

@@ -37,7 +37,7 @@ TRUE, OTHER, THIRD = "conoid_strain", "ac_translation", "thorax_tilt"
 
 
 GAPS = {
-    "gaps_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
+    "unseen_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
     "other_motion_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}},
 }
 """Predicted, from postures and from a motion held out."""
@@ -402,7 +402,7 @@ def test_a_cause_has_one_name_whatever_its_course() -> None:
     assert found["probability"] == pytest.approx({TRUE: 0.6, OTHER: 0.3, "unknown": 0.1})
     assert found["inclusion"] == {TRUE: 0.8, OTHER: 0.8}
     assert found["indistinguishable"] == [[TRUE, OTHER]]
-    assert found["gaps_deg"]["adapted"] == {"value": 1.0, "low": 0.9, "high": 1.1}
+    assert found["unseen_deg"]["adapted"] == {"value": 1.0, "low": 0.9, "high": 1.1}
     assert found["other_motion_deg"] == {}
 
 

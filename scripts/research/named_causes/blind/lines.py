@@ -54,7 +54,7 @@ def line_of(found: Diagnosis) -> Line:
             for name, size in found.amplitude.items()
         },
         "options": list(found.options),
-        "gaps_deg": gaps(found.gaps.other_postures),
+        "unseen_deg": gaps(found.gaps.other_postures),
         "other_motion_deg": gaps(found.gaps.other_motion),
         "hardest_deg": gaps(found.gaps.hardest),
         "indistinguishable": [_causes(group) for group in found.indistinguishable],

@@ -176,7 +176,7 @@ def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
     ]
 
 
-def shrinkages(lines: Iterable[Line], predicted: str = "gaps_deg") -> list[tuple[float, float]]:
+def shrinkages(lines: Iterable[Line], predicted: str = "unseen_deg") -> list[tuple[float, float]]:
     """Predicted and realised, shares of the adapted gap."""
 
     def shrinkage(adapted: float, with_effect: float) -> float:
@@ -259,7 +259,7 @@ def _mean_size(lines: Iterable[Line]) -> str:
     return mean_of(sizes)
 
 
-def _shrinkage_error(lines: Iterable[Line], predicted: str = "gaps_deg") -> str:
+def _shrinkage_error(lines: Iterable[Line], predicted: str = "unseen_deg") -> str:
     found = np.array(shrinkages(lines, predicted))
     if not len(found):
         return "-"
