@@ -1,6 +1,6 @@
-"""Fits of the girdle to measured motions, postures and subjects, and the diagnosis of the gap that they leave.
+"""Posture fits, adaptation to subjects, and diagnosis of the gap that remains.
 
-The names are imported when they are asked for: the shell's TAB, which needs none of them, does not wait for JAX.
+Public names are imported on first use, so that shell completion, which needs none of them, does not wait for JAX.
 """
 
 import importlib

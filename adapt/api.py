@@ -1,4 +1,4 @@
-"""The two fits from Python: motions and models in, arrays and tables out."""
+"""Python interface of posture fit and adaptation: motions and models in, arrays and tables out."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,12 +44,12 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, repr=False)
 class PostureFits:
-    """Posture fits of every model with every posture."""
+    """Fits of every posture with every model."""
 
     by_model: dict[str, PostureSolution]
-    """Problems in the order of the motions' rows."""
+    """Posture fits by model name, one per row of the motions, in the same order."""
     fits: pd.DataFrame
-    """One row a model and posture: the columns of ``fits.csv``."""
+    """Table with one row per model and posture: the columns of ``fits.csv``."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.fits['subject'].nunique()} subjects, {', '.join(self.by_model)})"
@@ -62,19 +62,19 @@ class PostureFits:
 
 @dataclass(frozen=True, repr=False)
 class Adaptations(Tables, PostureFits):
-    """The same before and after adaptation, with the adapted parameters."""
+    """Posture fits before (``before``) and after adaptation (``by_model``), with the adapted parameters."""
 
     before: dict[str, PostureSolution]
-    """As ``by_model``, without adaptation."""
+    """Posture fits before adaptation, arranged like ``by_model``."""
     adapted: dict[str, Adapted]
-    """By model; problems in the order of ``motions.subjects``."""
+    """Adaptations by model name, one per subject in the order of ``motions.subjects``."""
     problems: AdaptedSubjects
-    """The same of all models side by side, and without what was held out: problem = model * subjects + subject."""
+    """Adaptations of all models in one batch (problem = model * subjects + subject), with the held-out folds."""
     uncertainty: Uncertainty
-    """Of problem number = model * subjects + subject."""
+    """Uncertainty of the adapted parameters, problem = model * subjects + subject."""
 
     def of(self, model: str) -> AdaptedSubjects:
-        """Give the problems of one model, by its name."""
+        """Return the adaptations of one model, given its name."""
         return self.problems.of(list(self.adapted).index(model))
 
 
@@ -99,7 +99,7 @@ def fit_postures(
 def _before(
     motions: Motions, rows: PostureRows, models: list[AnyModel], progress: Progress, dtype: DTypeLike
 ) -> PostureSolution:
-    """The fits of all models as they are, one after the other."""
+    """Fit all postures with every model before adaptation; the models follow one another along the batch axis."""
     progress("posture fits")
     names = motions.subject.tolist()
     girdle = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *[girdles_of(one, names) for one in models])
@@ -107,7 +107,7 @@ def _before(
 
 
 def _fits(motions: Motions, *states: Mapping[str, PostureSolution]) -> pd.DataFrame:
-    """``fits.csv`` of all models before, and after, adaptation."""
+    """Build ``fits.csv`` of all models from the fits before and, if given, after adaptation."""
     tables = [
         fits_table(motions, model, bool(adapted), fitted)
         for adapted, by_model in enumerate(states)
@@ -131,35 +131,36 @@ def adapt_subjects(
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
-    A model is a parameter set, or a set for each subject (``models.person.family.PersonalSets``).
+    A model is a parameter set, or a collection with a set for each subject (``models.person.family.PersonalSets``).
 
     ``weight`` is w of Eq. 6.5 and ``reading`` the objective variant, a name of ``adapt.solvers.objective.OBJECTIVES``.
-    Subjects are independent: one that fails has its status and leaves the others as they are. The subjects
-    ``held_out`` are adapted again without each of their motions, or, with a single motion, each third of their
-    postures: see ``adapt.evaluation.held_out``. By default all are, of more than 400 a sample; this takes about twice
-    the time of the rest, and ``()`` spares it.
-    ``folds``: another choice of what is held out in turn (``adapt.tables.folds``).
+    Subjects are independent: a subject that fails has its own status and leaves the other subjects unchanged. The
+    subjects in ``held_out`` are adapted again without each of their motions or, with a single motion, without each
+    third of their postures (``adapt.evaluation.held_out``). By default ``held_out`` contains all subjects or, of more
+    than 400 subjects, a sample. These repeated adaptations take about twice the time of the rest; ``held_out=()`` omits
+    them. ``folds`` chooses other parts to hold out in turn (``adapt.tables.folds``).
 
-    ``dtype``: with float32 the fits are iterated in it, and again in float64 where that does not converge. Of simulated
-    subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm
-    (``scripts/research/speed/measure_float32.py``); where E has several optima, one subject in a thousand ends in
-    another one, as often a lower as a higher one.
+    ``dtype``: with float32, fits are iterated in float32, and again in float64 where they do not converge. On simulated
+    subjects, angles differ by at most 3e-4 degrees and parameters by 0.03 mm
+    (``scripts/research/speed/measure_float32.py``). Where E has several local minima, one subject in a thousand ends in
+    another minimum, which is as often lower as higher.
 
-    ``effects`` that are known to be active, before as after adaptation: the amplitude of each direction by name,
-    ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
-    each subject is adapted too. ``"measured"``, of ``sc_translation`` and ``ac_translation``: the joint moves as the
-    positions in the motions say, about means over all postures of the subject, those held out too. See
-    ``models.effects.amplitudes``. They act in the chain; D stays that of the ellipsoid without them. Their fits are
-    iterated in float64 whatever ``dtype``; they take two to four times as long as those without.
+    ``effects`` are known to be active, before and after adaptation. A mapping gives the amplitudes by name of the
+    effect: one amplitude per direction, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, equal for all subjects; a
+    ``PersonalSize``, with which the amplitudes of each subject are adapted too; or, for ``sc_translation`` and
+    ``ac_translation``, ``"measured"``: the joint moves as the positions in the motions say, about their means over all
+    postures of the subject, held-out postures included. See ``models.effects.amplitudes``. Effects act in the chain; D
+    remains the thorax distance of the ellipsoid without effects. Fits with effects are iterated in float64 whatever
+    ``dtype`` is, and take two to four times as long as fits without effects.
 
-    ``thorax_downweighting``: k lets the thorax points of the set, where they are another person's, count 1/k in E, as w
-    k times as large does.
+    ``thorax_downweighting``: with the value k, the thorax points of the set, where they are another person's, count 1/k
+    in E. A w that is k times as large has the same result.
 
-    ``own_bones``: adapt bones and frames of each person's own beside the six parameters, as far as people differ
-    (``adapt.own_bones``), in place of min E within bounds, in float64. True; or other SDs by name
-    (``models.person.own_bones``); or what ``learn_people`` has learnt from other motions. Where these bones do not
-    predict a person's own motions or are not found, the plain adaptation is kept (``adapt.evaluation.own_or_plain``):
-    column ``own_bones``.
+    ``own_bones``: adapt bones and frames of each person beside the six parameters, as far as people differ
+    (``adapt.own_bones``), in float64, instead of minimising E within bounds. The value is True; or SDs by name that
+    replace the default values (``models.person.own_bones``); or what ``learn_people`` has learnt from other motions.
+    Where own bones do not predict a person's own motions, or are not found, the plain adaptation is kept
+    (``adapt.evaluation.own_or_plain``); column ``own_bones`` says so.
     """
     check_weight(weight)
     models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
@@ -184,7 +185,7 @@ def adapt_subjects(
 def _people(
     own_bones: bool | OwnSDs | People, rows: PostureRows, models: Sequence[AnyModel], *, held_out: bool
 ) -> People | None:
-    """How persons differ, learnt where nobody has said it; None where bones are not adapted."""
+    """Return the variation between persons, learnt from the rows if it is not given; None without own bones."""
     if own_bones is False or isinstance(own_bones, People):
         return own_bones or None
     return learn_people(rows, models, NO_SDS if own_bones is True else own_bones, held_out)
@@ -198,7 +199,7 @@ def _results(
     found: AdaptedSubjects,
     uncertain: Uncertainty,
 ) -> Adaptations:
-    """The tables."""
+    """Build the result of :func:`adapt_subjects` with its tables."""
     subjects = motions.subjects
     optima = rows_of_optima(found.rows, found.data, found.adapted)
     before, after = (_by_model(models, every) for every in (as_they_are, optima))
@@ -224,10 +225,10 @@ def _results(
 
 
 def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel | Sequence[AnyModel]) -> pd.DataFrame:
-    """Tabulate ``positions.csv`` before and after adaptation of these motions with these models.
+    """Tabulate ``positions.csv``: simulated and measured landmarks of these motions, before and after adaptation.
 
-    Where the landmarks of the girdle are, and where they were measured, thorax frame, mm; with the constants of each
-    person that positions tell, fitted to all its postures (``adapt.evaluation.person_constants``).
+    Positions are in the thorax frame, mm. Simulated positions include the constants of each person that the measured
+    positions determine, fitted to all postures of the person (``adapt.evaluation.person_constants``).
     """
     tables = []
     for model in as_list(models):
@@ -241,7 +242,7 @@ def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel 
 
 
 def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: float) -> None:
-    """Refuse, with an InputError, what has no part in the objective of own bones."""
+    """Raise an InputError for options that have no part in the objective of own bones."""
     cause = ""
     if reading != DEFAULT_OBJECTIVE or thorax_downweighting != 1.0:
         cause = "the objective of own bones has no D: no variant of E and no down-weighting changes it"
@@ -258,7 +259,7 @@ def adapt_with_every_fold(
     progress: Progress = lambda _: None,
     own_bones: bool = False,
 ) -> Adaptations:
-    """Adapt as :func:`adapt_subjects` does, and again without each motion and each third of everybody's postures."""
+    """Adapt as :func:`adapt_subjects` does, holding out each motion and each third of the postures of all subjects."""
     everybody, folds = motions.subjects, motions_and_thirds
     return adapt_subjects(
         motions, models, weight, progress=progress, held_out=everybody, folds=folds, own_bones=own_bones
@@ -266,8 +267,10 @@ def adapt_with_every_fold(
 
 
 def _checked(motions: Motions) -> Motions:
-    """An infinite angle, which no file gives, was not measured either. Names that the tables use themselves cannot be
-    those of a subject or a motion."""
+    """Check the motions, and treat infinite angles, which no file contains, as not measured (NaN).
+
+    Raise an InputError where a subject or a motion has a name that the tables use for their own rows.
+    """
     check_motions(motions)
     for word, names, reserved in (("subject", motions.subject, STATISTICS), ("motion", motions.motion, (ALL_MOTIONS,))):
         taken = sorted(set(names.tolist()) & set(reserved))
@@ -278,7 +281,7 @@ def _checked(motions: Motions) -> Motions:
 
 
 def _type_of(dtype: DTypeLike, effects: Amplitudes) -> DTypeLike:
-    """What the fits are iterated in: with effects in float64."""
+    """Return the floating-point type of the fits: float64 with effects, else ``dtype``."""
     return np.float64 if effects else dtype
 
 
@@ -286,6 +289,6 @@ _Problems = TypeVar("_Problems", PostureSolution, Adapted)
 
 
 def _by_model(models: Sequence[AnyModel], every: _Problems) -> dict[str, _Problems]:
-    """Share the problems of all models, as many of each, out to them."""
+    """Split a batch with equally many problems per model into one batch per model name."""
     width = len(every.status) // len(models)
     return {model.name: take_problems(every, slice(k * width, (k + 1) * width)) for k, model in enumerate(models)}

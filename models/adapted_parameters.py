@@ -1,14 +1,16 @@
-"""The adapted parameters: what an adaptation changes of a girdle, each with its bounds, starts and SD.
+"""The adapted parameters: the numbers of a girdle that an adaptation changes, with their bounds, starts and SDs.
 
-The thesis adapts six (6.2.6): the ellipsoid's centre but for M_x (which is 0: A4), its semi-axes and the length of the
-conoid. To adapt another component of the ellipsoid, add it to ``ADAPTED_PARAMETERS``, before the conoid's length: the
-solvers, tables and files follow. Other numbers of a girdle have no derivatives by hand (``models.derivatives``).
+The thesis adapts six parameters (6.2.6): the y and z of the ellipsoid's centre (M_x is 0: A4), the semi-axes and the
+conoid length. To adapt another component of the ellipsoid, add it to ``ADAPTED_PARAMETERS`` before the conoid length:
+solvers, tables and files follow. For other numbers of a girdle no derivatives are written out (``models.derivatives``).
 
-Two widths of each parameter stand side by side because they answer two questions:
+Each parameter has two widths, because they answer two questions:
 
-- ``half_width_mm``: how far may an adaptation go? Beyond the SDs of ten subjects (Table 6.5), short of a runaway.
-- ``person_sd_mm``: how far is a person's thorax from the parameter set's? At most the SD of ten subjects (Table 6.5),
-  which holds the noise of their measurement too. Simulated people differ by it, and it enters their uncertainty.
+- ``half_width_mm``: how far may an adaptation go? Farther than the SDs of ten subjects (Table 6.5), but not so far that
+  the parameter runs away.
+- ``person_sd_mm``: how far does a person's thorax differ from the parameter set's? At most by the SD of ten subjects
+  (Table 6.5), which includes the noise of their measurement. Simulated people differ by this SD, and the uncertainty of
+  adapted parameters includes it.
 """
 
 from collections.abc import Sequence
@@ -29,32 +31,32 @@ class AdaptedParameter:
 
     name: str
     field: str
-    """Of the girdle."""
+    """Name of the field of ``Girdle``."""
     component: int
-    """Of the field's vector: 0 for x, 1 for y, 2 for z; 0 for a length."""
+    """Index in the field's vector: 0 for x, 1 for y, 2 for z; 0 for a length."""
     half_width_mm: float
-    """How far it may go from the set's own value, where the file does not say."""
+    """Default half width of the bounds about the set's own value, for files that give none."""
     start_offset_mm: float
-    """By how much the second and third start of an adaptation lie above and below the geometric fit."""
+    """Offset of the second and third start of an adaptation, above and below the geometric fit."""
     person_sd_mm: float
-    """SD between people, as far as it is known: Table 6.5 has 8-31, 6-7, 2-3, 13-24, 15-17 and 1-2 mm."""
+    """SD between people, as far as it is known: Table 6.5 gives 8-31, 6-7, 2-3, 13-24, 15-17 and 1-2 mm."""
     beside_bones_sd_mm: float | None = None
-    """The same where bones of the person's own are adapted too; by default half of it. Assumed: the SDs of Table 6.5
-    hold what adapted ellipsoids pay for the bones."""
+    """SD between people for an adaptation with own bones; by default half of ``person_sd_mm``. Assumption: the SDs of
+    Table 6.5 include what the adapted ellipsoids do to compensate for the bones."""
 
     @property
     def key(self) -> str:
-        """Its name with the unit, as files have it."""
+        """Name with the unit, as in files."""
         return f"{self.name}_mm"
 
     @property
     def of_ellipsoid(self) -> bool:
-        """Whether A1 and A2 depend on it; A3 depends on the conoid's length alone."""
+        """True where A1 and A2 depend on the parameter; A3 depends on the conoid length alone."""
         return self.field != _CONOID
 
     @property
     def is_length(self) -> bool:
-        """Whether it must stay positive."""
+        """True where the parameter must stay positive."""
         return self.field != _CENTRE
 
 
@@ -68,18 +70,19 @@ ADAPTED_PARAMETERS = (
 )
 
 ADAPTED = tuple(parameter.name for parameter in ADAPTED_PARAMETERS)
-"""Their names, in the order of every vector theta."""
+"""Names of the adapted parameters, in the order of every vector theta."""
 
 ELLIPSOID = tuple(parameter for parameter in ADAPTED_PARAMETERS if parameter.of_ellipsoid)
-"""Those that A1, A2 and D depend on: the first ones of theta."""
+"""Parameters of the ellipsoid, which A1, A2 and D depend on: the first entries of theta."""
 
 HALF_WIDTHS_MM = {parameter.key: parameter.half_width_mm for parameter in ADAPTED_PARAMETERS}
 
 STARTS_MM = np.outer((0.0, 1.0, -1.0), [parameter.start_offset_mm for parameter in ADAPTED_PARAMETERS]) + 0.0
-"""Offsets of the starts from the geometric fit. E has many local minima (thesis 6.2.6). Those that lay lower than where
-the geometric fit leads were found from thoraxes whose centre is higher and which are longer, or lower and shorter. 40
-random starts of each found lower ones than these in none of 8 measured shoulders with five sets, and 12 in 4 of 1800
-simulated adaptations, by up to 1 %; starts with M_y against A_y, or deeper, added nothing."""
+"""Offsets of the starts from the geometric fit, mm. E has many local minima (thesis 6.2.6). Minima below the one that
+the geometric fit leads to were found from a thorax with a higher centre and a longer A_y, or a lower centre and a
+shorter A_y. Compared with these starts, 40 random starts found a lower minimum in none of 8 measured shoulders with
+five sets, and 12 random starts in 4 of 1800 simulated adaptations, by up to 1 %. Starts with M_y and A_y in
+opposite directions, or with a deeper thorax, found nothing lower."""
 
 PERSON_SD_MM = np.array([parameter.person_sd_mm for parameter in ADAPTED_PARAMETERS])
 
@@ -87,11 +90,11 @@ if ADAPTED_PARAMETERS[: len(ELLIPSOID)] != ELLIPSOID or len(ADAPTED_PARAMETERS) 
     raise ValueError("ADAPTED_PARAMETERS: components of the ellipsoid first, the conoid's length last")
 
 Theta = Sequence[Array] | Float[Array, " adapted *batch"]
-"""One value of each of ``ADAPTED_PARAMETERS``, mm."""
+"""One value per entry of ``ADAPTED_PARAMETERS``, mm."""
 
 
 def adapted_components(girdle: Any) -> list[Array]:
-    """Take the adapted parameters out of a girdle, one array each, mm."""
+    """Return the adapted parameters of a girdle, one array per parameter, mm."""
     return [
         getattr(girdle, one.field) if one.field == _CONOID else getattr(girdle, one.field)[one.component]
         for one in ADAPTED_PARAMETERS
@@ -99,7 +102,7 @@ def adapted_components(girdle: Any) -> list[Array]:
 
 
 def ellipsoid_components(girdle: Any, theta: Theta) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
-    """Put theta into a girdle's ellipsoid: three components each of its centre and of its semi-axes, mm."""
+    """Return the components of the centre and of the semi-axes of a girdle's ellipsoid with theta inserted, mm."""
     found = {_CENTRE: list(girdle.centre_mm), _SEMI_AXES: list(girdle.semi_axes_mm)}
     for one, value in zip(ELLIPSOID, theta, strict=False):
         found[one.field][one.component] = value
@@ -108,5 +111,5 @@ def ellipsoid_components(girdle: Any, theta: Theta) -> tuple[tuple[Array, Array,
 
 
 def conoid_length(theta: Theta) -> Array:
-    """Take the length of the conoid out of theta, mm."""
+    """Return the conoid length of theta, mm."""
     return theta[len(ELLIPSOID)]

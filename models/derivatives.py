@@ -1,18 +1,18 @@
-"""The constraints A1-A3 with their first and second derivatives, written out by hand: the fast path of the fits.
+"""Constraints A1-A3 with first and second derivatives written out by hand: the fast path of the fits.
 
-What ``models.girdle`` and ``models.ellipsoid`` define and automatic differentiation derives, in a quarter of the
-operations. Vectors are tuples of three arrays and matrices tuples of rows, so that every operation is elementwise and
-the compiler may fuse it with its neighbours. Lengths in mm, angles in rad. tests/models/test_derivatives.py holds every
-number against automatic differentiation.
+The functions are those of ``models.girdle`` and ``models.ellipsoid``; the derivatives take a quarter of the operations
+of automatic differentiation. Vectors are tuples of three arrays and matrices are tuples of rows, so that every
+operation is elementwise and the compiler may fuse it with its neighbours. Lengths in mm, angles in rad.
+tests/models/test_derivatives.py compares every number with automatic differentiation.
 
-**Rotations.** A bone point r = R v, R = Ry(a) Rz(b) Rx(c), turns about e_a = y, e_b = Ry z and e_c = R x:
+**Rotations.** A bone point r = R v, R = Ry(a) Rz(b) Rx(c), turns about the axes e_a = y, e_b = Ry z and e_c = R x:
 
-    dr/dq_i = e_i x r,     d2r/dq_i dq_j = e_i x (e_j x r)   for i not after j,
+    dr/dq_i = e_i x r,     d2r/dq_i dq_j = e_i x (e_j x r)   for i <= j,
 
-so a force n on it has the second derivative  e_i' (N - tr N) e_j  with the moment matrix N = r n'.
+so n . r, with n fixed, has the second derivatives  e_i' (N - tr N) e_j  with the moment matrix N = r n'.
 
-**Distance.** The closest point x to p (``models.ellipsoid``) has p - x = t m with m_i = p_i / (t + a_i^2), and
-sum a_i^2 m_i^2 = 1 fixes t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m / L, h = sum a_i^2 m_i^2 D_i:
+**Distance.** The closest point x to p (``models.ellipsoid``) satisfies p - x = t m with m_i = p_i / (t + a_i^2), and
+sum a_i^2 m_i^2 = 1 determines t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m / L, h = sum a_i^2 m_i^2 D_i:
 
     d = t L,   dd/dp = n,   dd/da_i = e_i = -a_i m_i n_i,   dt/da_j = y_j = a_j m_j^2 (t - a_j^2) D_j / h
     d2d/dp2     = (diag D + (t w w' - w m' - m w' + (m.w / L^2) m m') / h) / L          (the surface's curvature)
@@ -57,7 +57,7 @@ def _times(s, v: Vector) -> Vector:
 
 
 class Bone(NamedTuple):
-    """Orientation of a bone in the thorax frame: the columns of R and the two middle axes' sine and cosine."""
+    """Orientation of a bone in the thorax frame: the columns of R, and sine and cosine of a, which give e_b."""
 
     x: Vector
     y: Vector
@@ -66,7 +66,7 @@ class Bone(NamedTuple):
     cos_a: Array
 
     def rotate(self, v: Vector) -> Vector:
-        """Rotate v: R v."""
+        """Compute R v."""
         return _sum(_times(v[0], self.x), _times(v[1], self.y), _times(v[2], self.z))
 
     def spin(self, r: Vector) -> Matrix:
@@ -96,7 +96,7 @@ class Bone(NamedTuple):
 
 
 def bone(angles: Vector) -> Bone:
-    """Compute R = Ry(a) Rz(b) Rx(c) (``motions.rotations.rotation_from_cardan``)."""
+    """Compute R = Ry(a) Rz(b) Rx(c) of a bone (``motions.rotations.rotation_from_cardan``)."""
     (ca, cb, cc), (sa, sb, sc) = (tuple(f(x) for x in angles) for f in (xp.cos, xp.sin))
     return Bone(
         (ca * cb, sb, -sa * cb),
@@ -108,7 +108,7 @@ def bone(angles: Vector) -> Bone:
 
 
 class Distance(NamedTuple):
-    """Signed distance of a point to the ellipsoid, with derivatives in the point p and the semi-axes a."""
+    """Signed distance of a point to the ellipsoid, with derivatives with respect to the point p and the semi-axes a."""
 
     d: Array
     n: Vector
@@ -117,19 +117,20 @@ class Distance(NamedTuple):
     """dd/da."""
     pp: Matrix
     pa: Matrix
-    """Row i, column j: d2d/dp_i da_j."""
+    """d2d/dp_i da_j in row i, column j."""
     aa: Matrix
     t: Array
-    """Multiplier of the foot point, mm^2: the start of the next evaluation."""
+    """Multiplier of the closest point, mm^2: the initial guess of the next evaluation."""
 
 
 FOOT_STEPS = 3
-"""Newton steps of a foot's multiplier. From a foot some 20 mm away they are exact to 1e-6 mm, and to rounding from one
-1 mm away: the multiplier is carried along, and the points come to rest before the iteration ends."""
+"""Newton steps for the multiplier of a closest point (foot). From the multiplier of a point some 20 mm away they are
+exact to 1e-6 mm, from 1 mm away to rounding. These steps suffice, because the multiplier is passed from iteration to
+iteration and the points come to rest before the iterations end."""
 
 
 def closest_point_multiplier_near(p: Vector, a: Vector, t: Array) -> Array:
-    """Find t where S(t) = sum (a_i p_i / (t + a_i^2))^2 = 1: Newton on the nearly linear 1 - S^(-1/2)."""
+    """Solve S(t) = sum (a_i p_i / (t + a_i^2))^2 = 1 for t, by Newton steps on the nearly linear 1 - S^(-1/2)."""
     for _ in range(FOOT_STEPS):
         D = tuple(1.0 / (t + x * x) for x in a)
         terms = tuple((x * y * z) ** 2 for x, y, z in zip(a, p, D, strict=True))
@@ -139,7 +140,7 @@ def closest_point_multiplier_near(p: Vector, a: Vector, t: Array) -> Array:
 
 
 def distance(p: Vector, a: Vector, t: Array) -> Distance:
-    """Compute d and its derivatives at the foot with multiplier t, exact where S(t) = 1."""
+    """Compute d and its derivatives from the multiplier t of the closest point; exact where S(t) = 1."""
     D: Vector = tuple(1.0 / (t + x * x) for x in a)  # type: ignore[assignment]
     m: Vector = p[0] * D[0], p[1] * D[1], p[2] * D[2]
     w: Vector = m[0] * D[0], m[1] * D[1], m[2] * D[2]
@@ -172,11 +173,11 @@ def distance(p: Vector, a: Vector, t: Array) -> Distance:
 
 
 class ConstraintDerivatives(NamedTuple):
-    """g = (A1, A2, A3), mm, and its derivatives in the six angles q and the adapted parameters u of the
-    ellipsoid (``models.adapted_parameters.ELLIPSOID``).
+    """Constraints g = (A1, A2, A3), mm, and their derivatives with respect to the six angles q and the adapted
+    parameters u of the ellipsoid (``models.adapted_parameters.ELLIPSOID``).
 
-    Second derivatives are those of multipliers . g; of symmetric ones the entries j <= i exist. dg/dconoid_length is
-    (0, 0, -1).
+    The second derivatives are those of multipliers . g; symmetric matrices hold the entries j <= i only.
+    dg/dconoid_length is (0, 0, -1).
     """
 
     g: list[Array]
@@ -188,16 +189,16 @@ class ConstraintDerivatives(NamedTuple):
     qu: list[list[Array]]
     uu: list[list[Array]]
     closest_point_multipliers: list[Array]
-    """t of TS and AI, ``FOOT_STEPS`` on."""
+    """t of TS and AI after ``FOOT_STEPS`` more Newton steps, mm^2."""
 
 
 def _by_parameter(centre: Callable[[int], Array], semi_axis: Callable[[int], Array]) -> list[Array]:
-    """Of each parameter of the ellipsoid, what belongs to its component."""
+    """List the value of ``centre`` or ``semi_axis`` at the component of each ellipsoid parameter."""
     return [semi_axis(one.component) if one.is_length else centre(one.component) for one in ELLIPSOID]
 
 
 def ellipsoid_slope(at: Distance) -> list[Array]:
-    """Compute dd/du: the centre moves against the point."""
+    """Compute dd/du; moving the centre acts as moving the point the opposite way."""
     return _by_parameter(lambda k: -at.n[k], lambda k: at.e[k])
 
 
@@ -216,7 +217,7 @@ def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
 
 
 def closest_point_multipliers(girdle, q: Sequence[Array], theta: Sequence[Array]) -> list[Array]:
-    """Find t of the foot points of TS and AI on the ellipsoid, mm^2, from however far: where :func:`chain` starts."""
+    """Compute t of the closest points of TS and AI from any distance, mm^2: the initial guess of :func:`chain`."""
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
     centre, semi_axes = ellipsoid_components(girdle, theta)
     ac_from_centre = _minus(_sum(tuple(girdle.sc_mm), clavicle.rotate(tuple(girdle.ac_mm))), centre)
@@ -229,8 +230,8 @@ def chain(
 ) -> ConstraintDerivatives:
     """Evaluate the constraints, with derivatives, at angles q and adapted parameters theta.
 
-    It starts from the feet t of TS and AI at a point nearby. The feet take ``FOOT_STEPS`` Newton steps.
-    ``girdle`` is a ``models.girdle.Girdle``, whose adapted parameters are not looked at.
+    ``closest_point_multipliers`` are t of TS and AI at nearby q and theta; ``FOOT_STEPS`` Newton steps refine them.
+    ``girdle`` is a ``models.girdle.Girdle``, whose own values of the adapted parameters are ignored.
     """
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
     centre, a = ellipsoid_components(girdle, theta)
@@ -292,13 +293,13 @@ def chain(
 def _add_curvature(
     qq: list[list[Array]], qu: list[list[Array]], uu: list[list[Array]], own: Array, J: tuple[Vector, ...], at: Distance
 ) -> None:
-    """Add own times the curvature of a point's distance, as far as the distance bends: not of how the point moves."""
+    """Add ``own`` times the second derivatives of the distance; :func:`chain` adds the part of the point's motion."""
     pp: Matrix = tuple(_times(own, row) for row in at.pp)  # type: ignore[assignment]
     pa: Matrix = tuple(_times(own, row) for row in at.pa)  # type: ignore[assignment]
     for i in range(6):
         bent: Vector = tuple(dot(row, J[i]) for row in pp)  # type: ignore[assignment]
         for j in range(i + 1):
-            qq[i][j] = qq[i][j] + dot(J[j], bent)  # not +=: they all start as one array
+            qq[i][j] = qq[i][j] + dot(J[j], bent)  # not +=: all entries start as the same array
         stretched = [J[i][0] * pa[0][k] + J[i][1] * pa[1][k] + J[i][2] * pa[2][k] for k in range(3)]
         for k, value in enumerate(_by_parameter(lambda k, bent=bent: -bent[k], stretched.__getitem__)):
             qu[i][k] = qu[i][k] + value
@@ -308,7 +309,7 @@ def _add_curvature(
 
 
 def _moments(arms: list[Vector], forces: list[Vector]) -> Matrix:
-    """sum r n'."""
+    """Compute the moment matrix sum r f' of forces f at arms r."""
 
     def entry(i, j):
         return sum((r[i] * f[j] for r, f in zip(arms[1:], forces[1:], strict=True)), arms[0][i] * forces[0][j])

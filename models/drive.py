@@ -1,17 +1,17 @@
 """The girdle driven by its three free coordinates: y and z of AC and x of TS (thesis 3.2.2 and 6.2.3).
 
-SC is fixed, so the six angles follow one after the other, each step with one unknown:
+SC is fixed, so the six angles follow in four steps with one unknown each:
 
 1. Direction of the clavicle, in closed form. AC lies on the sphere of radius L about SC:
-   AC_x = SC_x + sqrt(L^2 - (AC_y - SC_y)^2 - (AC_z - SC_z)^2). The other root, with AC medial of SC, is not taken.
-2. TS lies on the circle at distance |ts| from AC in the plane x = TS_x; A1 holds in some of its points.
-3. AI lies on a circle about the line AC-TS; A2 holds in some of its points. That fixes the scapula.
-4. Axial rotation c of the clavicle, in closed form. With p = R_yz' (P - SC), P the attachment on the scapula and k that
-   on the clavicle, A3 reads
+   AC_x = SC_x + sqrt(L^2 - (AC_y - SC_y)^2 - (AC_z - SC_z)^2). The second root, with AC medial of SC, is ignored.
+2. TS lies on the circle at distance |ts| from AC in the plane x = TS_x; some points of this circle fulfil A1.
+3. AI lies on a circle about the line AC-TS; some points of this circle fulfil A2. AC, TS and AI determine the scapula.
+4. Axial rotation c of the clavicle, in closed form. With p = R_yz' (P - SC), P the conoid's attachment on the scapula
+   and k the attachment on the clavicle, A3 reads
 
        (p_y k_y + p_z k_z) cos c + (p_z k_y - p_y k_z) sin c = (|p|^2 + |k|^2 - L_conoid^2) / 2 - p_x k_x.
 
-Steps 2-4 have several solutions: the branches of the chain. Each takes the one nearest to a start posture.
+Steps 2-4 have several solutions: the branches of the chain. Each step takes the solution nearest to a start posture.
 """
 
 from typing import NamedTuple
@@ -37,39 +37,40 @@ from motions.rotations import (
 )
 
 DRIVEN = ("ok", "unreachable_AC", "unreachable_TS", "unreachable_AI", "unreachable_conoid", "not_converged", "invalid")
-"""How a posture ended. AC: AC_y, AC_z are farther from SC than the clavicle is long. TS, AI: with these coordinates the
-point meets its distance nowhere within ``WINDOW_DEG`` of the start. conoid: too short or too long at every axial
-rotation. invalid: a number is missing."""
+"""Status words of a posture. ``unreachable_AC``: AC_y, AC_z are farther from SC than the clavicle is long.
+``unreachable_TS``, ``unreachable_AI``: the point has its required distance nowhere within ``WINDOW_DEG`` of the start.
+``unreachable_conoid``: too short or too long at every axial rotation. ``invalid``: a number is missing."""
 
 WINDOW_DEG = 60.0
-"""How far TS and AI may turn from the start posture: every posture of the shipped simulated subjects, up to 150 degrees
-of elevation, is reached from rest. Other branches have the scapula on the front of the thorax or upside down."""
+"""Largest turn of TS and AI from the start posture. From rest, the window reaches every posture of the shipped
+simulated subjects, up to 150 degrees of elevation. Other branches have the scapula on the front of the thorax or upside
+down."""
 
 _SAMPLES = 49
-"""Places in the window where a distance is looked at, 2.5 degrees apart."""
+"""Number of samples of a distance in the window, 2.5 degrees apart."""
 
 TOLERANCE_MM = 1e-9
-"""|g| and error of the coordinates of a driven posture: as for a posture fit; rounding leaves 1e-12."""
+"""Tolerance for |g| and for the coordinates of a driven posture, as in a posture fit; rounding leaves 1e-12."""
 
 
 class Driven(NamedTuple):
     """Postures with given free coordinates."""
 
     angles: Float[Array, " 6 *batch"]
-    """rad; NaN where the status is not ``ok``."""
+    """Angles in rad; NaN where the status is not ``ok``."""
     status: Int[Array, " *batch"]
-    """Which of ``DRIVEN``."""
+    """Index in ``DRIVEN``."""
 
     @property
     def words(self) -> np.ndarray:
-        """The status as one word each."""
+        """Status words, one per posture."""
         return np.array(DRIVEN)[np.asarray(self.status)]
 
 
 def free_coordinates_mm(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-    """Compute AC_y, AC_z and TS_x, mm, thorax frame, of six angles in radians: the inverse of :func:`drive`.
+    """Compute AC_y, AC_z and TS_x, mm, thorax frame, from six angles in radians: the inverse of :func:`drive`.
 
-    ValueError if an angle is above a full turn, as degrees are.
+    Raises ValueError if an angle exceeds a full turn, as angles in degrees do.
     """
     refuse_degrees(angles)
     angles = jnp.asarray(angles)
@@ -84,9 +85,10 @@ def drive(
 ) -> Driven:
     """Compute the closed posture with these AC_y, AC_z, TS_x, on the branch nearest to ``start`` (rad; default: rest).
 
-    Elementwise over postures; the girdle has the same batch or none. Differentiable in coordinates and girdle, forward
-    and reverse, any number of times; the slope of a posture that is not ``ok`` is 0. (Thesis 6.2.3; Eq. 6.2 for A1-A3.)
-    ValueError if an angle of ``start`` is above a full turn, as degrees are.
+    The function works elementwise over postures; the girdle has the same batch or none. It is differentiable with
+    respect to coordinates and girdle, forward and reverse, any number of times; the derivative of a posture that is not
+    ``ok`` is 0. (Thesis 6.2.3; Eq. 6.2 for A1-A3.) Raises ValueError if an angle of ``start`` exceeds a full turn, as
+    angles in degrees do.
     """
     if start is not None:
         refuse_degrees(start)
@@ -112,7 +114,8 @@ def _drive(girdle: Girdle, coordinates, start) -> Driven:
 
 @_drive.defjvp
 def _drive_jvp(primals, tangents):
-    """Implicit function theorem on the six equations; 0 where there is no posture, so that others keep theirs."""
+    """Apply the implicit function theorem to the six equations; 0 where there is no posture, so that NaN cannot spread
+    to the derivatives of other postures."""
     driven = _drive(*primals)
     good = (driven.status == 0)[None]
     q = jnp.where(good, driven.angles, primals[2])
@@ -122,7 +125,7 @@ def _drive_jvp(primals, tangents):
 
 @jax.jit
 def _newton_step(inputs, moved_inputs, q, good) -> Float[Array, " 6 *batch"]:
-    """How q follows when girdle and coordinates move."""
+    """Compute the tangent of q for given tangents of girdle and coordinates."""
     _, move = jax.linearize(equations_mm, *inputs, q)
     nothing = jax.tree.map(jnp.zeros_like, inputs)
     identity = jnp.eye(6).reshape(6, 6, *[1] * (q.ndim - 1))
@@ -134,7 +137,7 @@ def _newton_step(inputs, moved_inputs, q, good) -> Float[Array, " 6 *batch"]:
 
 
 def equations_mm(girdle: Girdle, coordinates, angles) -> Float[Array, " 6 *batch"]:
-    """Compute what is 0 in the posture: its free coordinates less those asked for, then A1-A3."""
+    """Compute the residuals of the six equations: free coordinates minus required ones, then A1-A3."""
     return jnp.concatenate([free_coordinates_mm(girdle, angles) - coordinates, constraint_residuals_mm(girdle, angles)])
 
 
@@ -160,25 +163,26 @@ def _search(girdle: Girdle, coordinates, start) -> Driven:
 
 
 _IN_ORDER = ("invalid", "unreachable_AC", "unreachable_TS", "unreachable_AI", "unreachable_conoid", "not_converged")
-"""What ends a posture first."""
+"""Failures in order of precedence: the first that applies is the status."""
 
 
 def _clavicle_direction(girdle: Girdle, AC_y, AC_z) -> tuple[Array, Array, Bool[Array, " *batch"]]:
-    """Step 1: protraction and elevation of the clavicle, SC to AC in mm, and whether AC is within reach."""
+    """Compute step 1: protraction and elevation of the clavicle, SC to AC in mm, and a mask of reachable AC."""
     dy, dz = AC_y - girdle.sc_mm[1], AC_z - girdle.sc_mm[2]
     dx, reached = _side_of_triangle(girdle.ac_mm[0], jnp.stack([dy, dz]))
     return jnp.stack([jnp.arctan2(-dz, dx), jnp.arctan2(dy, jnp.hypot(dx, dz))]), jnp.stack([dx, dy, dz]), reached
 
 
 def _side_of_triangle(longest, others: Float[Array, " sides *batch"]) -> tuple[Array, Bool[Array, " *batch"]]:
-    """sqrt(longest^2 - sum of others^2) where that is above 0, else 1; and where it is."""
+    """Compute sqrt(longest^2 - sum of others^2), or 1 where the radicand is not positive, and the mask of positive
+    radicands."""
     squared = longest**2 - jnp.sum(others**2, axis=0)
     return jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0)), squared > 0.0
 
 
 def _to_ts(girdle: Girdle, AC, TS_x, arm_at_start) -> tuple[Array, Bool[Array, " *batch"]]:
-    """Step 2: AC to TS in mm, and whether TS meets its distance. The circle is gone round from where TS is at the
-    start."""
+    """Compute step 2: AC to TS in mm, and a mask of postures in which TS has its distance. The search along the circle
+    begins at the direction of TS in the start posture."""
     along = TS_x - AC[0]
     radius, crosses = _side_of_triangle(jnp.sqrt(jnp.sum(girdle.ts_mm**2, axis=0)), along[None])
     origin = jnp.arctan2(arm_at_start[2], arm_at_start[1])
@@ -196,8 +200,8 @@ def _to_ts(girdle: Girdle, AC, TS_x, arm_at_start) -> tuple[Array, Bool[Array, "
 
 
 def _scapula(girdle: Girdle, AC, to_ts, R_start) -> tuple[Array, Bool[Array, " *batch"]]:
-    """Step 3: R_thorax_scapula, and whether AI meets its distance. The scapula at the start is first brought to TS by
-    the smallest rotation."""
+    """Compute step 3: R_thorax_scapula, and a mask of postures in which AI has its distance. The smallest rotation that
+    brings the scapula of the start posture to TS comes first."""
     axis = to_ts / jnp.sqrt(jnp.sum(to_ts**2, axis=0))[None]
     from_axis = rotate(R_start, girdle.ts_mm)
     from_axis = from_axis / jnp.sqrt(jnp.sum(from_axis**2, axis=0))[None]
@@ -214,8 +218,8 @@ def _scapula(girdle: Girdle, AC, to_ts, R_start) -> tuple[Array, Bool[Array, " *
 
 
 def _axial_rotation(girdle: Girdle, clavicle, to_attachment, axial_at_start) -> tuple[Array, Bool[Array, " *batch"]]:
-    """Step 4: c in (-pi, pi], and whether the conoid can have its length. ``to_attachment``: SC to that on the
-    scapula."""
+    """Compute step 4: c in (-pi, pi], and a mask of postures in which the conoid can have its length. ``to_attachment``
+    is the vector from SC to the attachment on the scapula."""
     R_yz = rotation_from_cardan(jnp.concatenate([clavicle, jnp.zeros_like(clavicle[:1])]))
     p, k = rotate(jnp.swapaxes(R_yz, 0, 1), to_attachment), girdle.clavicle_conoid_mm
     C = 0.5 * (jnp.sum(p**2, axis=0) + jnp.sum(k**2, axis=0) - girdle.conoid_length_mm**2) - p[0] * k[0]

@@ -1,7 +1,7 @@
 """The shoulder girdle: thorax ellipsoid, clavicle, scapula and conoid, and the constraints A1-A3 that close the chain.
 
-Right shoulder, thorax frame (origin IJ, x lateral, y up, z backward), mm and radians. Six angles, three
-constraints: three degrees of freedom (thesis 6.2.3). Arrays are component first, batch last.
+Right shoulder, thorax frame (origin IJ, x lateral, y up, z backward), mm and radians. Six angles minus three
+constraints leave three degrees of freedom (thesis 6.2.3). Arrays have the component first and the batch last.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -18,13 +18,13 @@ from motions.arrays import Array, xp
 from motions.rotations import rotate, rotation_from_cardan
 
 CONSTRAINT_NAMES = {"A1": "A1: TS to the ellipsoid", "A2": "A2: AI to the ellipsoid", "A3": "A3: length of the conoid"}
-"""Thesis Eq. 6.2."""
+"""Constraints of thesis Eq. 6.2, with their labels."""
 
 CONSTRAINTS = tuple(CONSTRAINT_NAMES)
 
 
 def refuse_degrees(angles: Float[Array, " 6 *batch"]) -> None:
-    """Raise a ValueError if an angle is above a full turn, as degrees are; ``jit`` cannot see that."""
+    """Raise ValueError if an angle exceeds a full turn, as angles in degrees do; under ``jit`` nothing is checked."""
     if not isinstance(angles, Tracer) and np.max(np.abs(np.nan_to_num(angles)), initial=0.0) > 2.0 * np.pi:
         raise ValueError("angles are in radians: give np.deg2rad(motions.angles_deg).T")
 
@@ -35,9 +35,9 @@ class Girdle:
     """Geometry of one girdle, or of a batch of them. Vectors are ``(3, *batch)``, lengths ``(*batch)``, in mm."""
 
     centre_mm: Float[Array, " 3 *batch"]
-    """M, centre of the thorax ellipsoid, thorax frame."""
+    """Centre M of the thorax ellipsoid, thorax frame."""
     semi_axes_mm: Float[Array, " 3 *batch"]
-    """A, semi-axes of the ellipsoid, along the thorax axes."""
+    """Semi-axes A of the ellipsoid, along the thorax axes."""
     sc_mm: Float[Array, " 3 *batch"]
     """Sternoclavicular joint, thorax frame."""
     ac_mm: Float[Array, " 3 *batch"]
@@ -51,7 +51,7 @@ class Girdle:
     scapula_conoid_mm: Float[Array, " 3 *batch"]
     """Attachment of the conoid, scapula frame."""
     ts_distance_mm: Float[Array, " *batch"]
-    """const1 of A1, outside the ellipsoid positive."""
+    """const1 of A1, positive outside the ellipsoid."""
     ai_distance_mm: Float[Array, " *batch"]
     """const2 of A2."""
     conoid_length_mm: Float[Array, " *batch"]
@@ -60,8 +60,8 @@ class Girdle:
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """Compute A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`.
 
-        One girdle takes any batch of angles, ``(6, *batch)``. ValueError if an angle is above a full turn, as degrees
-        are; ``jit`` cannot see that.
+        A single girdle accepts any batch of angles, ``(6, *batch)``. Raises ValueError if an angle exceeds a full turn,
+        as angles in degrees do; under ``jit`` nothing is checked.
         """
         refuse_degrees(angles)
         more = np.ndim(angles) - np.ndim(self.sc_mm)
@@ -69,11 +69,11 @@ class Girdle:
 
     @property
     def adapted_mm(self) -> Float[Array, " adapted *batch"]:
-        """The adapted parameters, in the order of ``ADAPTED_PARAMETERS``."""
+        """Adapted parameters, in the order of ``ADAPTED_PARAMETERS``."""
         return xp.stack(adapted_components(self))
 
     def with_adapted(self, adapted_mm: Float[Array, " adapted *#batch"]) -> "Girdle":
-        """Copy this girdle with other adapted parameters; the rest (M_x, A4 of the thesis) stays what it is."""
+        """Return a copy with other adapted parameters; all other numbers, such as M_x (A4 of the thesis), are kept."""
         centre, semi_axes = ellipsoid_components(self, adapted_mm)
         return replace(
             self,
@@ -84,30 +84,30 @@ class Girdle:
 
     @property
     def numbers_mm(self) -> Float[Array, " numbers *batch"]:
-        """All its numbers one after the other, each field at its place in ``NUMBERS``."""
+        """All numbers of the girdle in one vector, each field at its slice in ``NUMBERS``."""
         return xp.concatenate([x[None] if name in _LENGTHS else x for name, x in vars(self).items()])
 
     @classmethod
     def of_numbers(cls, numbers_mm: Float[Array, " numbers *batch"]) -> "Girdle":
-        """Build the girdle that has these ``numbers_mm``."""
+        """Return the girdle with these ``numbers_mm``."""
         parts = {name: numbers_mm[place] for name, place in NUMBERS.items()}
         return cls(**{name: part[0] if name in _LENGTHS else part for name, part in parts.items()})
 
     def over_axes(self, count: int) -> "Girdle":
-        """Return this girdle with ``count`` more batch axes at the end, of length 1: the same for all along them."""
+        """Return this girdle with ``count`` more batch axes of length 1 at the end."""
         return jax.tree.map(lambda value: value.reshape(*value.shape, *[1] * count), self)
 
     def repeated(self, count: int) -> "Girdle":
-        """Return this girdle once for each of ``count`` problems, numpy's views: ``(3)`` to ``(3, count)``."""
+        """Return this girdle repeated for ``count`` problems, as numpy views: ``(3)`` to ``(3, count)``."""
         return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x)[..., None], (*np.shape(x), count)), self)
 
     def over_postures(self) -> "Girdle":
-        """Return this girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
+        """Return this girdle with an axis of postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
         return Girdle(**{k: v[None] if k in _LENGTHS else v[:, None] for k, v in vars(self).items()})
 
 
 _LENGTHS = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
-"""The fields that are one number."""
+"""Names of the fields with a single number."""
 
 
 def _places() -> dict[str, slice]:
@@ -116,14 +116,14 @@ def _places() -> dict[str, slice]:
 
 
 NUMBERS = _places()
-"""Where each field stands in ``numbers_mm``."""
+"""Slice of each field in ``numbers_mm``."""
 
 COUNT_OF_NUMBERS = max(place.stop for place in NUMBERS.values())
 
 
 @dataclass(frozen=True)
 class Landmarks:
-    """Positions in the thorax frame, mm, each ``(3, *batch)``."""
+    """Positions of landmarks in the thorax frame, mm, each ``(3, *batch)``."""
 
     AC: Float[Array, " 3 *batch"]
     TS: Float[Array, " 3 *batch"]
@@ -135,7 +135,7 @@ class Landmarks:
 def chain_landmarks(
     girdle: Girdle, R_thorax_clavicle: Float[Array, " 3 3 *batch"], R_thorax_scapula: Float[Array, " 3 3 *batch"]
 ) -> Landmarks:
-    """Compute where the bones are: AC = SC + R_C ac, and TS, AI and the conoid ride on the bones."""
+    """Compute the landmarks: AC = SC + R_C ac; TS, AI and the attachments of the conoid move with their bones."""
     AC = girdle.sc_mm + rotate(R_thorax_clavicle, girdle.ac_mm)
     return Landmarks(
         AC=AC,
@@ -149,7 +149,7 @@ def chain_landmarks(
 def bone_rotations(
     angles: Float[Array, " 6 *batch"],
 ) -> tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]:
-    """Compute R_thorax_clavicle and R_thorax_scapula of clavicle (y, z, x) and scapula (y, z, x) in radians."""
+    """Compute R_thorax_clavicle and R_thorax_scapula from clavicle (y, z, x) and scapula (y, z, x) in radians."""
     both = rotation_from_cardan(xp.stack([angles[:3], angles[3:]], axis=1))
     return both[:, :, 0], both[:, :, 1]
 
@@ -157,7 +157,7 @@ def bone_rotations(
 def chain_residuals_mm(
     girdle: Girdle, R_thorax_clavicle: Float[Array, " 3 3 *batch"], R_thorax_scapula: Float[Array, " 3 3 *batch"]
 ) -> Float[Array, " 3 *batch"]:
-    """Compute A1, A2, A3 in mm, zero where the chain is closed (thesis Eq. 6.2)."""
+    """Compute A1, A2, A3 from rotations, mm; 0 where the chain is closed (thesis Eq. 6.2)."""
     at = chain_landmarks(girdle, R_thorax_clavicle, R_thorax_scapula)
     centre, semi_axes = girdle.centre_mm[:, None], girdle.semi_axes_mm[:, None]
     ts, ai = signed_distance_mm(xp.stack([at.TS, at.AI], axis=1), centre, semi_axes)
@@ -166,17 +166,17 @@ def chain_residuals_mm(
 
 
 def landmarks(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Landmarks:
-    """Compute where the bones are at six angles in radians."""
+    """Compute the landmarks at six angles in radians."""
     return chain_landmarks(girdle, *bone_rotations(angles))
 
 
 def constraint_residuals_mm(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-    """Compute A1, A2, A3 in mm of six angles in radians: clavicle (y, z, x), scapula (y, z, x) (thesis, Appendix A)."""
+    """Compute A1, A2, A3 in mm at six angles in radians: clavicle (y, z, x), scapula (y, z, x) (thesis, Appendix A)."""
     return chain_residuals_mm(girdle, *bone_rotations(angles))
 
 
 def _length(v: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
-    """|v|, with derivative 0 instead of 0/0 where the two attachments coincide."""
+    """Compute |v|, with derivative 0 instead of 0/0 where the two attachments coincide."""
     return _differentiable_length(v) if isinstance(v, jax.Array) else np.sqrt(np.sum(v * v, axis=0))
 
 

@@ -1,8 +1,9 @@
-"""The root of a smooth function that is nearest to 0 within a window, and whether there is one.
+"""Search for the root of a smooth function that is nearest to 0 within a window.
 
-The function is looked at in samples across the window. A root lies between two neighbours where the sign changes, or
-around an extremum that reaches across zero between two; that of the sample nearest to zero is refined. Newton within
-the bracket, with bisection where it would leave it, ends at rounding.
+The function is sampled across the window. A root lies between two neighbouring samples of different sign, or beside an
+extremum that crosses zero between two samples; to find such roots, the extremum at the sample of the smallest absolute
+value is refined. Newton steps within the bracket, replaced by bisection where they would leave the bracket, then find
+the root to rounding error.
 """
 
 from collections.abc import Callable
@@ -12,26 +13,28 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 _MOST_STEPS = 60
-"""Bisection alone takes an interval of 2.5 degrees to rounding in 50; Newton within it needs about five."""
+"""Limit of steps. Bisection alone reduces an interval of 2.5 degrees to rounding in 50; Newton needs about five."""
 
 _SETTLED = 1e-15
-"""Relative to the window: the last step of a root that is exact to rounding."""
+"""Last step, relative to the window, of a root that is exact to rounding."""
 
 
 def nearest_root(
     at: Callable[[Array], tuple[Array, Array]], shape: tuple[int, ...], window: float, samples: int
 ) -> tuple[Float[Array, " *batch"], Bool[Array, " *batch"]]:
-    """Find the root in [-window, window] that is nearest to 0, and tell whether there is one.
+    """Find the root in [-window, window] that is nearest to 0, and a mask that is True where there is one.
 
-    ``at`` gives value and slope at places of this shape, one function each. Of two roots whose distances to 0 differ by
-    less than one sample's, either is taken. For derivatives use the implicit function theorem at the root.
+    ``at`` returns value and slope at arguments of ``shape``; each element is a function of its own. If the distances of
+    two roots to 0 differ by less than the spacing of the samples, either may be found. For derivatives use the implicit
+    function theorem at the root.
     """
     low, high, rising, found = _bracket(at, shape, window, samples)
     return _within(at, low, high, rising, window), found
 
 
 def _bracket(at, shape, window, samples) -> tuple[Array, Array, Bool[Array, " *batch"], Bool[Array, " *batch"]]:
-    """Two neighbouring places around the root nearest to 0, as a secant sees it; whether it rises; if there is one."""
+    """Find the two neighbouring samples around the root nearest to 0, as estimated by secants, and two masks: True
+    where the function rises between them, and True where there is a root."""
     line = jnp.linspace(-window, window, samples)
     places = jnp.broadcast_to(line.reshape(samples, *[1] * len(shape)), (samples, *shape))
     values, _ = jax.lax.map(at, places)
@@ -48,9 +51,9 @@ def _bracket(at, shape, window, samples) -> tuple[Array, Array, Bool[Array, " *b
 
 
 def _extremum(at, places, values) -> tuple[Array, Array]:
-    """Where the function is nearest to zero beside its sample nearest to zero, and its value there.
+    """Find the extremum next to the sample of the smallest absolute value, and the value there.
 
-    Looked for while any has no root, else that sample.
+    If the samples of every function change sign, no search takes place, and the result is that sample itself.
     """
     k = jnp.clip(jnp.argmin(abs(values), axis=0), 1, len(values) - 2)[None]
     low, here, high = (jnp.take_along_axis(places, k + side, axis=0)[0] for side in (-1, 0, 1))
@@ -72,7 +75,7 @@ def _extremum(at, places, values) -> tuple[Array, Array]:
 
 
 def _within(at, low, high, rising, window) -> Array:
-    """The root between two places of different sign."""
+    """Find the root between two arguments with values of different sign."""
 
     def step(state):
         number, root, low, high, _ = state

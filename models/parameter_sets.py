@@ -1,6 +1,6 @@
-"""Parameter sets: the girdle of a cadaver or a person as a TOML file, one source for each number.
+"""Parameter sets: the girdle of a cadaver or a person as a TOML file, with a source for each number.
 
-Vectors and lengths are in mm, right shoulder: `thorax` and `clavicle.sc_mm` in the thorax frame, the other
+Vectors and lengths are in mm, of a right shoulder: ``thorax`` and ``clavicle.sc_mm`` in the thorax frame, the other
 points in the frame of their bone (thesis, Appendix A).
 """
 
@@ -21,38 +21,41 @@ from models.girdle import Girdle
 from motions.errors import InputError, did_you_mean
 
 FOLDER = Path(__file__).parent / "sets"
-"""Where the shipped sets are."""
+"""Folder of the shipped sets."""
 
 SHORTEST_MM = 1.0
-"""No length and no semi-axis is shorter, nor adapted to be: at 0 the distance to the ellipsoid and the
-direction of the conoid lose their derivatives, and no bone, chest or ligament is near it."""
+"""Lower limit of lengths and semi-axes, also of adapted ones: at 0 the distance to the ellipsoid and the direction of
+the conoid have no derivative, and no bone, chest or ligament is nearly that short."""
 
 SMALLEST_THORAX_MM = 50.0
-"""The longest semi-axis of any thorax is longer: a newborn's chest, 330 mm around, is wider. A shorter one
-is not in mm (the thesis's longest, in cm, is 40.4)."""
+"""Lower limit of the longest semi-axis: a newborn's chest, 330 mm around, is wider. A shorter axis is not in mm (the
+longest of the thesis, in cm, is 40.4)."""
 
 WIDEST_MM = 250.0
-"""Of A_x: the sets have 133 to 153 (Tables 3.3, 4.5), and an adaptation adds 30; whole axes have 266 and more."""
+"""Upper limit of A_x: the sets have 133 to 153 (Tables 3.3, 4.5), and an adaptation adds up to 30; whole axes have 266
+and more."""
 
 SIDES = {
     "scapula.ts_mm": (0, -1, "TS is medial of AC"),
     "scapula.ai_mm": (1, -1, "AI is below AC"),
     "thorax.centre_mm": (2, 1, "the thorax is behind IJ"),
 }
-"""By number: the coordinate and the sign that it has in every right shoulder, and why (thesis, Appendix A). SC may be
-beside IJ: in das3 it is at x = 1.4 mm."""
+"""Index of a coordinate, its sign in every right shoulder and the reason (thesis, Appendix A), by key. SC is not in the
+list because it may be beside IJ: in das3 it is at x = 1.4 mm."""
 
 FEWEST_POINTS = len(ELLIPSOID) + 1
-"""One more than the unknowns of the geometric fit."""
+"""Least number of thorax points: one more than the unknowns of the geometric fit."""
 
 FLATTEST_SCAPULA_MM = 1.0
-"""How far off the line through AC and the farther of TS and AI the other one must be: a palpator's noise."""
+"""Least distance of TS or AI, the one nearer to AC, to the line through AC and the farther one: the noise of
+palpation."""
 
 SAME_LENGTH_MM = 0.1
-"""``clavicle.ac_mm`` is as long as ``clavicle.length_mm``: both may be rounded to tenths."""
+"""Largest difference between the length of ``clavicle.ac_mm`` and ``clavicle.length_mm``: both may be rounded to
+tenths."""
 
 ADAPTED_TO = "adapted to "
-"""Begins the source of a number that was adapted."""
+"""First words of the source of an adapted number."""
 
 SIZES_MM = {
     "clavicle.sc_mm": (4.0, 60.0),
@@ -66,21 +69,22 @@ SIZES_MM = {
     "constraint.ts_distance_mm": (0.0, 150.0),
     "constraint.ai_distance_mm": (0.0, 150.0),
 }
-"""Least and most of a length: from a fifth of an adult's, which is below a newborn's and above centimetres, to about
-twice one's. Adults: clavicle 149 (SD 12) and 161 (11) mm, which grows by 8.4 mm a year from birth to 12 (McGraw 2009,
-doi 10.1097/BPO.0b013e3181c11992); spine of the scapula 134 (12), its length 155 (16) mm (von Schroeder 2001, Clin
-Orthop 383:131); the others, five times the longest semi-axis and three times the longest distance to the thorax, of the
-thesis (Tables 3.1-3.3, 4.2)."""
+"""Smallest and largest length: from a fifth of an adult's, which is below a newborn's but above any adult's in
+centimetres, to about twice an adult's. Adults: clavicle 149 (SD 12) and 161 (11) mm, growing by 8.4 mm per year from
+birth to 12 (McGraw 2009, doi 10.1097/BPO.0b013e3181c11992); spine of the scapula 134 (12), length of the scapula 155
+(16) mm (von Schroeder 2001, Clin Orthop 383:131). The other limits are from the thesis (Tables 3.1-3.3, 4.2), with five
+times its longest semi-axis and three times its longest distance to the thorax."""
 
 LEAST_DEPTH = 0.2
-"""Of IJ: its distance from the centre over that of the surface behind it. It is 0.84 and more in the shipped sets, 0.26
-with the parameters of one at the bounds of an adaptation, and 0.1 where the centre alone is in centimetres."""
+"""Lower limit of the distance of IJ from the ellipsoid's centre, over the distance of the surface in that direction.
+The ratio is 0.84 and more in the shipped sets, 0.26 with the parameters of one set at the bounds of an adaptation, and
+0.1 where the centre alone is in centimetres."""
 
 MEASURED = "measured"
-"""How the source of a number begins that is of the person."""
+"""First word of the source of a number that was measured on the person."""
 
 _RANGE = re.compile(r"\+-\s*([0-9.]+)\s*mm$")
-"""How a source states its range, at its end: before it ranges of other numbers may be cited."""
+"""Pattern of the range at the end of a source; earlier in the text, a source may cite ranges of other numbers."""
 
 _VECTOR, _POINTS, _LENGTH, _DISTANCE, _TEXT = "vector", "points", "length", "distance", "text"
 
@@ -106,69 +110,69 @@ _NUMBERS = {
     "constraint.ai_distance_mm": _DISTANCE,
     "constraint.conoid_length_mm": _LENGTH,
 }
-"""The keys that every file has, as section.key."""
+"""Required keys, as section.key, with the form of their values."""
 
 _OWN_AC = {"clavicle.ac_mm": _VECTOR}
-"""A key that a file may have: where AC is in the measured frame of a person's clavicle, if not on its axis."""
+"""Optional key: position of AC in the measured frame of a person's clavicle, where AC is not on the axis."""
 
 _BOUNDS = {f"bounds.{key}": _LENGTH for key in HALF_WIDTHS_MM}
-"""The keys that a file may have: half widths."""
+"""Optional keys: half widths of the bounds."""
 
 _SECTIONS = tuple(dict.fromkeys(key.partition(".")[0] for key in (*_NUMBERS, *_BOUNDS)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ParameterSet:
-    """One girdle, the thorax points its ellipsoid was fitted to, and how far the adaptation may change it."""
+    """One girdle, the thorax points of its ellipsoid's fit, and the bounds of an adaptation."""
 
     name: str
     girdle: Girdle
-    """Unbatched: vectors (3,), lengths ()."""
+    """Girdle without a batch: vectors (3,), lengths ()."""
     points_mm: Float[np.ndarray, "3 points"]
     """Points on the thorax, thorax frame."""
     bounds_mm: Float[np.ndarray, "2 adapted"]
-    """Lower and upper bound of the adapted parameters, in the order of ``ADAPTED_PARAMETERS``: own value -+ half."""
+    """Lower and upper bounds in the order of ``ADAPTED_PARAMETERS``: own value -+ half width."""
     source: dict[str, str]
-    """Where each number comes from, by ``section.key``. Empty where a file of the user's own names none."""
+    """Source of each number, by ``section.key``. Empty where a user's own file names none."""
 
     def __repr__(self) -> str:
         return f"ParameterSet({self.name!r})"
 
     def is_measured(self, key: str) -> bool:
-        """Tell whether the source says that a number was measured of the person (``models.person``)."""
+        """Check whether a number was measured on the person, according to its source (``models.person``)."""
         return self.source.get(key, "").startswith(MEASURED)
 
     def range_mm(self, key: str) -> float | None:
-        """Read the range or SD that the source of a number states at its end, mm; None if it states none."""
+        """Return the range or SD at the end of a number's source, mm; None if the source states none."""
         stated = _RANGE.search(self.source.get(key, ""))
         return float(stated[1]) if stated else None
 
     def of(self, _subject: str) -> "ParameterSet":
-        """Give the set of a subject: this one is everybody's (``models.person.family``)."""
+        """Return this set, which is the set of every subject (``models.person.family`` has sets per subject)."""
         return self
 
 
 def model_names() -> tuple[str, ...]:
-    """List the names of the shipped sets, sorted."""
+    """Return the names of the shipped sets, sorted."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
 def load_model(name_or_path: str | os.PathLike[str]) -> ParameterSet:
-    """Load a shipped set by its name, or a file of the user's own (anything with a folder or that ends in .toml).
+    """Load a shipped set by its name, or a user's own file (a path with a folder or one that ends in .toml).
 
-    InputError where there is no such set or file, or where the file is not a complete girdle in mm.
+    Raises InputError where there is no such set or file, or where the file is not a complete girdle in mm.
     """
     file = os.fspath(name_or_path)
     return parameter_set(_document(model_file(name_or_path), file), file)
 
 
 def model_file(name_or_path: str | os.PathLike[str]) -> Path:
-    """Find the file that ``load_model`` reads. InputError where there is no shipped set of this name."""
+    """Return the path that ``load_model`` reads. Raises InputError where there is no shipped set of this name."""
     return Path(name_or_path) if _is_path(name_or_path) else _shipped(os.fspath(name_or_path))
 
 
 def parameter_set(document: dict[str, Any], file: str) -> ParameterSet:
-    """Build the parameter set of a TOML document that was read from the file. InputError as in ``load_model``."""
+    """Return the parameter set of the TOML document of a file. Raises InputError as ``load_model`` does."""
     _check_keys(document, file)
     given = _NUMBERS | ({} if "ac_mm" not in document["clavicle"] else _OWN_AC)
     numbers = {key: _array(file, key, _value(document, key), kind) for key, kind in given.items()}
@@ -209,7 +213,7 @@ def _document(path: Path, file: str) -> dict[str, Any]:
 
 
 def parameter_document(content: bytes | str, file: str) -> dict[str, Any]:
-    """Read the content of a TOML file. InputError where it is none."""
+    """Parse the content of a TOML file. Raises InputError where the content is not TOML."""
     try:
         return tomllib.loads(content if isinstance(content, str) else content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
@@ -224,7 +228,8 @@ def _value(document: dict[str, Any], key: str) -> Any:
 
 
 def _check_keys(document: dict[str, Any], file: str) -> None:
-    """Unknown keys first: a misspelt one is also a missing one, and only its own name explains that."""
+    """Check for unknown and missing keys; for unknown ones first, as a misspelt key is also missing, and only its own
+    name explains that."""
     _check_known(file, document, ("name", *_SECTIONS, "source"), "")
     for section in (*_SECTIONS, "source"):
         table = document.get(section, {})
@@ -276,7 +281,7 @@ def _has_form(value: Any, kind: str) -> bool:
 
 
 def _floats(value: Any) -> Any:
-    """The same lists with floats in them; a whole number beyond the largest float is infinite."""
+    """Convert the numbers of nested lists to float; an integer beyond the largest float becomes infinite."""
     if isinstance(value, list):
         return [_floats(v) for v in value]
     try:
@@ -291,8 +296,9 @@ def _short(value: Any) -> str:
 
 
 def _check_geometry(numbers: dict[str, np.ndarray], source: Mapping[str, str], file: str) -> None:
-    """What no girdle is. A conoid that closes in no posture is one: its postures come out unreachable. A bone that was
-    adapted may be as small as nobody's: that is said where it is adapted, and is no other unit."""
+    """Raise InputError where no girdle has such numbers. A conoid that closes the chain in no posture is accepted; its
+    postures come out unreachable. Adapted sizes are not checked: the adaptation reports implausible ones, and they do
+    not suggest another unit."""
     _check_unit(numbers["thorax.semi_axes_mm"], file)
     for key in ("thorax.semi_axes_mm", "clavicle.length_mm", "constraint.conoid_length_mm"):
         _check_length(key, float(np.min(numbers[key])), file)
@@ -333,10 +339,10 @@ def _check_length(key: str, shortest_mm: float, file: str) -> None:
 
 
 def _check_size(key: str, number_mm: np.ndarray, limits_mm: tuple[float, float], file: str) -> None:
-    """InputError where a length is no person's; it says which unit the number may have."""
+    """Raise InputError where no person has such a length; the message names the likely unit of the number."""
     size_mm = float(np.max(number_mm) if key == "thorax.semi_axes_mm" else np.linalg.norm(number_mm))
     least, most = limits_mm
-    if least <= size_mm <= most or size_mm == 0.0:  # at 0 there is more to say of it than its size
+    if least <= size_mm <= most or size_mm == 0.0:  # other checks explain a 0 better
         return
     cause = f"{key} is {size_mm:.4g} mm, {'less' if size_mm < least else 'more'} than in any person"
     units = {"centimetres": 10.0, "metres": 1000.0, "tenths of a millimetre": 0.1, "micrometres": 0.001}
@@ -346,14 +352,14 @@ def _check_size(key: str, number_mm: np.ndarray, limits_mm: tuple[float, float],
 
 
 def _check_axes(A_x_mm: float, file: str) -> None:
-    """InputError where the ellipsoid is as wide as whole axes make it."""
+    """Raise InputError where A_x is so large that the file seems to give whole axes."""
     if A_x_mm > WIDEST_MM:
         cause = f"thorax.semi_axes_mm starts with {A_x_mm:g} mm: no thorax is twice as wide"
         raise InputError(file, None, cause, "Give semi-axes, half of the axes")
 
 
 def _check_sides(numbers: dict[str, np.ndarray], file: str) -> None:
-    """InputError where a number has the sign of another frame or of a left shoulder."""
+    """Raise InputError where a sign belongs to another frame or to a left shoulder."""
     for key, (place, sign, where) in SIDES.items():
         number = numbers[key][place]
         if sign * number < 0.0:
@@ -362,7 +368,7 @@ def _check_sides(numbers: dict[str, np.ndarray], file: str) -> None:
 
 
 def _check_centre(centre_mm: Float[np.ndarray, "3"], semi_axes_mm: Float[np.ndarray, "3"], file: str) -> None:
-    """InputError where IJ, the origin, lies deep inside the ellipsoid."""
+    """Raise InputError where IJ, the origin, lies deep inside the ellipsoid."""
     if np.linalg.norm(centre_mm / semi_axes_mm) >= LEAST_DEPTH:
         return
     cause = f"thorax.centre_mm is {np.linalg.norm(centre_mm):.4g} mm from IJ, which then lies deep inside the ellipsoid"
@@ -370,7 +376,8 @@ def _check_centre(centre_mm: Float[np.ndarray, "3"], semi_axes_mm: Float[np.ndar
 
 
 def _off_line_mm(ts_mm: Float[np.ndarray, "3"], ai_mm: Float[np.ndarray, "3"]) -> float:
-    """Distance of the nearer of TS and AI to the line through AC (the origin) and the farther one, mm."""
+    """Compute the distance of TS or AI, the one nearer to AC (the origin), to the line through AC and the farther one,
+    mm."""
     farther = max(np.linalg.norm(ts_mm), np.linalg.norm(ai_mm))
     return float(np.linalg.norm(np.cross(ts_mm, ai_mm)) / farther) if farther > 0.0 else 0.0
 
@@ -383,7 +390,7 @@ def _girdle(numbers: dict[str, np.ndarray]) -> Girdle:
 
 
 def _half_widths_mm(document: dict[str, Any], file: str) -> Float[np.ndarray, " adapted"]:
-    """Half widths in the order of ``ADAPTED_PARAMETERS``: the file's, else the default."""
+    """Read the half widths in the order of ``ADAPTED_PARAMETERS``, with default values where the file has none."""
     given = document.get("bounds", {})
     keys = list(HALF_WIDTHS_MM)
     widths = [_array(file, f"bounds.{k}", given.get(k, HALF_WIDTHS_MM[k]), _LENGTH) for k in keys]
@@ -397,7 +404,7 @@ def _half_widths_mm(document: dict[str, Any], file: str) -> Float[np.ndarray, " 
 def _bounds_mm(
     own_mm: Float[np.ndarray, " adapted"], half_mm: Float[np.ndarray, " adapted"]
 ) -> Float[np.ndarray, "2 adapted"]:
-    """own -+ half, but no semi-axis and no conoid below ``SHORTEST_MM``."""
+    """Compute own -+ half, with semi-axes and conoid length not below ``SHORTEST_MM``."""
     is_length = np.array([one.is_length for one in ADAPTED_PARAMETERS])
     lower = np.where(is_length, np.maximum(own_mm - half_mm, SHORTEST_MM), own_mm - half_mm)
     return np.stack([lower, own_mm + half_mm])

@@ -1,6 +1,6 @@
-"""Measured (and simulated) motions of the shoulder girdle: rotations, files, the scapulo-humeral rhythm.
+"""Measured and simulated motions of the shoulder girdle: rotations, files and the scapulo-humeral rhythm.
 
-All names but ``InputError`` are imported when they are asked for: the command line's help needs none of them.
+All names but ``InputError`` are imported lazily, because the help of the command line needs none of them.
 """
 
 import importlib
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from motions.motion_csv.writing import write_motions
     from motions.table import ANGLES, LANDMARKS, Motions
 
-# The fits are exact in double precision only; no module of the project makes an array before these lines. JAX reads
-# the environment when it is imported, and is told where it is there already.
+# The fits need double precision, so it is switched on before any module of the project makes an array. JAX reads the
+# environment variable at import; if JAX is already imported, its configuration is updated instead.
 os.environ["JAX_ENABLE_X64"] = "1"
 if "jax" in sys.modules:
     sys.modules["jax"].config.update("jax_enable_x64", True)

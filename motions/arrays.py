@@ -1,7 +1,7 @@
-"""One text for every engine: run at once on numpy's arrays, compiled by JAX, or written down by a compiler's values.
+"""Array functions for one source text that numpy runs, JAX compiles, or the project's own compiler translates.
 
-The arguments decide which: each brings its namespace of functions through ``__array_namespace__`` (Python array API
-standard). A namespace that is neither numpy's nor JAX's brings its own ``repeat_while`` and ``repeat`` too.
+The arguments decide: each provides its namespace of functions through ``__array_namespace__`` (Python array API
+standard). A namespace other than numpy's and JAX's also provides its own ``repeat_while`` and ``repeat``.
 """
 
 from collections.abc import Callable, Iterable
@@ -12,23 +12,23 @@ import jax.numpy as jnp
 import numpy as np
 
 Array = Any
-"""numpy's or JAX's: what comes in goes out. A type checker cannot follow which, so it is told nothing."""
+"""Array of numpy or JAX; functions return the kind that they get, which type checkers cannot follow."""
 
 
 Value = TypeVar("Value")
 
 
 def is_jax(x: Any) -> bool:
-    """Tell whether an array is JAX's (or traced), or one in a list of arrays is."""
+    """Check whether an array, or any array in a list, is a JAX array (also a traced one)."""
     return _namespace((x,)) is jnp
 
 
 _AT_ONCE = {np.ndarray, np.float64, np.bool_, float, int, bool, str, type, type(None)}
-"""Types of what numpy computes with, and of options: what there is most of, told quickly."""
+"""Types that need no look-up of a namespace, numpy's and those of options: the most frequent arguments."""
 
 
 def _namespace(values: Iterable[Any]) -> Any:
-    """Return the namespace of the first value that has another than numpy's, else numpy; look into lists and tuples."""
+    """Return the first namespace that is not numpy's, searching lists and tuples too; numpy if there is none."""
     for x in values:
         if type(x) in _AT_ONCE:
             continue
@@ -44,24 +44,23 @@ def _namespace(values: Iterable[Any]) -> Any:
 
 
 class ByType(NamedTuple, Generic[Value]):
-    """What depends on the type of number: a tolerance for float64, another for float32, whose rounding is 5e8 times as
-    large."""
+    """Value that depends on the number type, such as a tolerance: float32 rounds 5e8 times as coarsely as float64."""
 
     float64: Value
     float32: Value
 
     def for_dtype_of(self, array: Array) -> Value:
-        """Return the value for the type of the array's numbers."""
+        """Return the value for the dtype of the array."""
         return self.float32 if array.dtype == np.float32 else self.float64
 
 
 class _Dispatched:
-    """``xp.f`` is ``f`` of the arguments' namespace: ``numpy.f``, or ``jax.numpy.f`` where an argument is JAX's."""
+    """Namespace ``xp``: ``xp.f`` is ``f`` of the arguments' namespace, such as ``numpy.f`` or ``jax.numpy.f``."""
 
     def __getattr__(self, name: str) -> Any:
         at_once = getattr(np, name)
         if not callable(at_once):
-            return at_once  # a number, such as inf
+            return at_once  # a constant, such as inf
 
         def call(*arguments: Any, **options: Any) -> Any:
             namespace = _namespace(arguments)
@@ -75,7 +74,7 @@ xp: Any = _Dispatched()
 
 
 def repeat_while(unfinished: Callable[[Any], Any], advance: Callable[[Any], Any], state: Any) -> Any:
-    """Advance the state as long as it is unfinished: ``jax.lax.while_loop``, at once on numpy's arrays."""
+    """Advance the state while ``unfinished`` holds: ``jax.lax.while_loop``, or a Python loop for numpy arrays."""
     namespace = _namespace(jax.tree.leaves(state))
     if namespace is jnp:
         return jax.lax.while_loop(unfinished, advance, state)
@@ -87,7 +86,7 @@ def repeat_while(unfinished: Callable[[Any], Any], advance: Callable[[Any], Any]
 
 
 def repeat(times: int, advance: Callable[[Any], Any], state: Any) -> Any:
-    """Advance the state so many times: ``jax.lax.fori_loop``, at once on numpy's arrays."""
+    """Advance the state ``times`` times: ``jax.lax.fori_loop``, or a Python loop for numpy arrays."""
     namespace = _namespace(jax.tree.leaves(state))
     if namespace is jnp:
         return jax.lax.fori_loop(0, times, lambda _, x: advance(x), state)

@@ -1,4 +1,4 @@
-"""The one error of a user's input, and the one warning: where it is, what is wrong, what to do about it."""
+"""Error and warning about a user's input: place, cause and remedy."""
 
 import difflib
 import shlex
@@ -11,10 +11,12 @@ Value = TypeVar("Value")
 
 
 class InputError(ValueError):
-    """A file or folder named by the user cannot be used as it is.
+    """Error of a file or folder, named by the user, that cannot be used as it is.
 
-    file: the path as the user wrote it. row: the line in the file, from 1 (the header is line 1), or None
-    when the whole file is meant. cause: what is wrong. remedy: what the user does to put it right.
+    - ``file``: the path as the user wrote it.
+    - ``row``: the line in the file, counted from 1 (the header is line 1); None if the whole file is meant.
+    - ``cause``: what is wrong.
+    - ``remedy``: what the user can do about it.
     """
 
     def __init__(self, file: str, row: int | None, cause: str, remedy: str) -> None:
@@ -28,41 +30,42 @@ class InputError(ValueError):
         where = self.file if self.row is None else f"{self.file}, line {self.row}"
         end = "" if self.remedy.endswith("?") else "."
         said = f"{where}: {self.cause.rstrip('.')}. {self.remedy.removesuffix('.')}{end}"
-        return "".join(c if c.isprintable() else "?" for c in said)  # it may quote a file: one line, whatever is in it
+        return "".join(c if c.isprintable() else "?" for c in said)  # one printable line, even if it quotes a file
 
 
 class InputWarning(UserWarning):
-    """A file is used as it is, but one may want to look at it. Its text is that of an :class:`InputError`."""
+    """Warning about a file that is used as it is, with the text of an :class:`InputError`."""
 
 
 def warn_input(doubt: InputError) -> None:
-    """Warn of a file that is used as it is: InputWarning, in the words of an error that is not raised."""
+    """Warn, with the text of an ``InputError`` that is not raised, about a file that is used as it is."""
     warnings.warn(InputWarning(str(doubt)), stacklevel=3)
 
 
 def pip_install(*packages: str) -> str:
-    """Write the command that installs packages into the environment that runs, whatever made it.
+    """Write the command that installs packages into the running environment, whichever tool created that environment.
 
-    Packages, and not `girdle[extra]`: girdle is in no index, where that name may be anybody's.
+    The command names packages and not ``girdle[extra]``: girdle is on no package index, and anybody may take that name
+    there.
     """
     return shlex.join([sys.executable, "-m", "pip", "install", *packages])
 
 
 def named(name: str, known: Mapping[str, Value], place: str, kind: str) -> Value:
-    """Look up what has this name. InputError that names the place where nothing has."""
+    """Return the value of this name. Raise InputError, with ``place`` as its file, if the name is unknown."""
     if name not in known:
         raise InputError(place, None, f"there is no {kind} '{name}'", f"Use one of {', '.join(known)}")
     return known[name]
 
 
 def listed(words: Sequence[str], most: int) -> str:
-    """List the words, and the number of those that are left out where there are more than ``most``."""
+    """Join at most ``most`` of the words with commas, and add the number of the words left out."""
     shown = ", ".join(words[:most])
     return shown if len(words) <= most else f"{shown} and {len(words) - most} more"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Write 'Did you mean ...? ' of the known word that is nearest, whatever its case; nothing where none is near."""
+    """Write 'Did you mean ...? ' with the most similar known word, ignoring case; empty if none is similar."""
     lower = {other.lower(): other for other in known}
     near = difflib.get_close_matches(word.lower(), lower, n=1)
     return f"Did you mean {lower[near[0]]}? " if near else ""

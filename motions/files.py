@@ -1,4 +1,4 @@
-"""Reading text, or by a library that may crash; naming files, and writing a file whole or not at all."""
+"""Reading of text files, reading through a child process, file names, and atomic writing."""
 
 import io
 import os
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     import numpy as np
 
 _LONGEST_NAME = 120
-"""Characters of a file name before its ending; file systems allow 255 bytes."""
+"""Maximum number of characters of a file name before its extension; file systems allow 255 bytes."""
 
 
 def read_text(path: Path, remedy: str) -> str:
     """Read the content of a text file, without a byte order mark.
 
-    InputError if it cannot be read, or is not text: the remedy says how to save or export it.
+    Raise InputError if the file cannot be read or is not text; ``remedy`` says how to save or export it.
     """
     content = read_bytes(path)
     try:
@@ -36,7 +36,7 @@ def read_text(path: Path, remedy: str) -> str:
 
 
 def read_bytes(path: Path, most: int = -1) -> bytes:
-    """Read the content of a file, or its first bytes. InputError if it cannot be read."""
+    """Read the content of a file, or its first ``most`` bytes. Raise InputError if it cannot be read."""
     if path.is_dir():
         raise InputError(str(path), None, "this is a folder, not a file", "Name the files in it")
     try:
@@ -47,25 +47,26 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
 
 
 def refuse_binary(text: str, path: Path, remedy: str) -> None:
-    """Raise InputError where a text has a character that only binary data have."""
+    """Raise InputError if a text contains a null character, which only binary data have."""
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise InputError(str(path), line, "this is not text but binary data", remedy)
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """Make the error of a file that the system does not let one read."""
+    """Make the InputError for an operating-system error on reading a file."""
     cause = f"the file cannot be read ({error.strerror})"
     return InputError(str(path), None, cause, "Check its name, and that you may read it")
 
 
 def read_by_child(child: Path, path: Path, library: str, remedy: str, patience_s: float) -> "dict[str, np.ndarray]":
-    """Read a file by the program ``child`` of this project, which writes a numpy archive to stdout.
+    """Read a file with the program ``child`` of this project, which writes a numpy archive to stdout.
 
-    Its arguments are the path, and seconds after which it ends by itself, as whoever waits for it may be killed.
-    InputError with the last line that it says where it fails, crashes, or does not end within ``patience_s``.
+    The arguments of ``child`` are the path and a number of seconds after which it ends by itself, because the waiting
+    parent process may be killed. Raise InputError with the last line of its error output if ``child`` fails, crashes,
+    or does not end within ``patience_s`` seconds.
     """
-    import numpy as np  # the command line's help, which prints by `printable`, does not wait for it
+    import numpy as np  # imported here: the help of the command line uses `printable` and must not wait for numpy
 
     command = [sys.executable, str(child), str(path.absolute()), str(2.0 * patience_s)]
     try:
@@ -80,7 +81,7 @@ def read_by_child(child: Path, path: Path, library: str, remedy: str, patience_s
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder and those above it, where they are not there. InputError if that cannot be."""
+    """Make the folder and its missing parents. Raise InputError if this fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -89,23 +90,23 @@ def make_folder(folder: Path) -> None:
 
 
 def atomic_write(path: str | os.PathLike[str], text: str) -> None:
-    """Write the text (UTF-8, line ends as they are) to the path, as `atomic_write_bytes` does."""
+    """Write the text to the path as UTF-8 with unchanged line ends, as ``atomic_write_bytes`` does."""
     atomic_write_bytes(path, text.encode("utf-8"))
 
 
 def atomic_write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write the content to the path, as `atomic_write_pieces` does."""
+    """Write the content to the path, as ``atomic_write_pieces`` does."""
     atomic_write_pieces(path, [content])
 
 
 def atomic_write_pieces(path: str | os.PathLike[str], pieces: Iterable[bytes]) -> None:
-    """Write the pieces to the path one after the other, replacing what was there.
+    """Write the pieces to the path one after the other, replacing an existing file atomically.
 
-    Whoever reads the path, even while this runs or after it broke off, finds all of the old or all of the
-    new content. InputError if the folder cannot be written to.
+    A reader finds either all of the old content or all of the new content, also during the write and after a write that
+    broke off. Raise InputError if the folder cannot be written to.
     """
     path = Path(path)
-    # In the same folder, because only within one file system is replacing a file a single step.
+    # In the same folder: only within one file system is replacing a file a single step.
     part = path.parent / part_name()
     try:
         with part.open("wb") as file:
@@ -121,31 +122,31 @@ def atomic_write_pieces(path: str | os.PathLike[str], pieces: Iterable[bytes]) -
 
 
 def printable(text: str) -> str:
-    """Replace control characters by ?: in a name they would be commands to the terminal; line ends stay."""
+    """Replace control characters by ?, because a terminal would execute them; keep line ends."""
     return "".join(c if c == "\n" or c.isprintable() else "?" for c in text)
 
 
 def part_name() -> str:
-    """Make a name, hidden and not yet taken, for what is not whole yet."""
+    """Make an unused, hidden name for a file that is not complete yet."""
     return f".{uuid4().hex}.part"
 
 
 def is_part(path: Path) -> bool:
-    """Tell whether ``part_name`` named this file, which a process that was killed left behind."""
+    """Check whether ``part_name`` made the name of this file, which a killed process left behind."""
     return re.fullmatch(r"\.[0-9a-f]{32}\.part", path.name) is not None
 
 
 def file_names(names: Sequence[str]) -> list[str]:
-    """Make a file name for each of the names, all different on every file system; a plain name is its own.
+    """Make a file name for each name, all different on every file system; a plain name stays as it is.
 
-    What is not a letter, a digit or one of `_-.~+ ` is written as %XX; long names, and names equal but for case, are
-    numbered.
+    Characters other than letters, digits and ``_-.~+`` or blank are written as %XX. Names are cut to ``_LONGEST_NAME``
+    characters; names that are then equal, apart from case, are numbered.
     """
     taken: set[str] = set()
     result = []
     for name in names:
         plain = quote(name, safe=" +")[:_LONGEST_NAME].rstrip(" .") or "_"
-        plain = f"%2E{plain[1:]}" if plain.startswith(".") else plain  # not hidden, and not the folder above
+        plain = f"%2E{plain[1:]}" if plain.startswith(".") else plain  # neither hidden nor the parent folder
         unique, number = plain, 2
         while unique.casefold() in taken:
             unique, number = f"{plain}~{number}", number + 1
@@ -155,8 +156,8 @@ def file_names(names: Sequence[str]) -> list[str]:
 
 
 def _remove(part: Path) -> None:
-    """Remove what a write that broke off left behind, if anything."""
+    """Remove the temporary file that an interrupted write left behind, if there is one."""
     try:
         part.unlink(missing_ok=True)
     except OSError:
-        return  # the folder that could not be written to: the write has already said so
+        return  # the folder is not writable, and the write has already raised an error about this

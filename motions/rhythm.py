@@ -1,7 +1,7 @@
-"""The scapulo-humeral rhythm of de Groot & Brand, and the axial rotation of the clavicle that goes with it.
+"""Scapulo-humeral rhythm of de Groot & Brand, and the axial rotation of the clavicle that goes with it.
 
-J.H. de Groot, R. Brand, "A three-dimensional regression model of the shoulder rhythm", Clinical Biomechanics
-16 (2001) 735-743.
+J.H. de Groot, R. Brand, "A three-dimensional regression model of the shoulder rhythm", Clinical Biomechanics 16 (2001)
+735-743.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from motions.rotations import DEG, compose, rotation_from_cardan
 from motions.table import ANGLES
 
 PREDICTED = ("clavicle_y", "clavicle_z", "scapula_y", "scapula_z", "scapula_x")
-"""The angles that the regression gives; the axial rotation of the clavicle cannot be palpated."""
+"""Angles that the regression predicts; the axial rotation of the clavicle cannot be palpated."""
 
 COEFFICIENTS: Float[np.ndarray, "5 4"] = np.array(
     [
@@ -23,11 +23,11 @@ COEFFICIENTS: Float[np.ndarray, "5 4"] = np.array(
         [0.659, -0.028, 0.184, 0.886],
     ]
 )
-"""A row for each angle in PREDICTED: the constant in degrees, and the factors of the humerus's plane, of the
-humerus's elevation and of the angle's own value at rest (de Groot & Brand 2001)."""
+"""Coefficients (de Groot & Brand 2001), one row per angle of PREDICTED: the constant in degrees, and the factors of the
+plane of elevation of the humerus, of the elevation of the humerus, and of the same angle at rest."""
 
 REST_DEG: Float[np.ndarray, "6"] = np.array([-28.57, 11.68, 7.48, 32.05, 10.67, -10.32])
-"""The mean girdle with the arm hanging, ANGLES in degrees, published with the Delft shoulder model."""
+"""Mean ANGLES with the arm hanging, in degrees, published with the Delft shoulder model."""
 
 _IN_ANGLES = [ANGLES.index(angle) for angle in PREDICTED]
 
@@ -38,12 +38,14 @@ def girdle_angles_deg(
     elevation_deg: Float[np.ndarray, " *batch"],
     coefficients: Float[np.ndarray, " 5 4 *batch"],
 ) -> Float[np.ndarray, " 6 *batch"]:
-    """Predict ANGLES in degrees of a girdle whose angles with the arm hanging are `rest_deg`.
+    """Predict ANGLES in degrees of a girdle whose angles with the arm hanging are ``rest_deg``.
 
-    angle = k0 + k1 plane + k2 elevation + k3 angle_rest for the five PREDICTED angles; the clavicle's axial
-    rotation is the one that turns the SC and AC joints least from their posture at rest.
-    plane_deg: plane of elevation of the humerus, 0 abduction, 90 forward flexion. elevation_deg: from 0, arm
-    hanging. coefficients: COEFFICIENTS, or those of individuals. (de Groot & Brand 2001.)
+    For the five PREDICTED angles, angle = k0 + k1 plane + k2 elevation + k3 angle_rest (de Groot & Brand 2001). The
+    axial rotation of the clavicle is the one that turns the SC and AC joints least from their posture at rest.
+
+    - ``plane_deg``: plane of elevation of the humerus, 0 abduction, 90 forward flexion.
+    - ``elevation_deg``: elevation of the humerus, 0 with the arm hanging.
+    - ``coefficients``: COEFFICIENTS, or coefficients of individuals.
     """
     constant, by_plane, by_elevation, by_rest = np.moveaxis(coefficients, 1, 0)
     predicted = constant + by_plane * plane_deg + by_elevation * elevation_deg + by_rest * rest_deg[_IN_ANGLES]
@@ -62,14 +64,14 @@ def clavicle_axial_rotation(
     R_thorax_clavicle_rest: Float[Array, " 3 3 *batch"],
     R_thorax_scapula_rest: Float[Array, " 3 3 *batch"],
 ) -> Float[Array, " *batch"]:
-    """Compute the clavicle's third angle c that turns the SC and AC joints least from rest (thesis, section 6.3).
+    """Compute the third angle c of the clavicle that turns the SC and AC joints least from rest (thesis, section 6.3).
 
-    A joint turned from D0 to D is turned by an angle t with tr(D0^T D) = 1 + 2 cos t. With R_C = R_yz Rx(c) and
+    A joint that turns from D0 to D turns by an angle t with tr(D0^T D) = 1 + 2 cos t. With R_C = R_yz Rx(c) and
     Q = R_clavicle_scapula_rest, the sum of the two traces, of the SC joint (D = R_C) and of the AC joint
     (D = R_C^T R_S), is tr(Rx(c) B), B = (R_C0^T + Q R_S^T) R_yz, that is p cos c + q sin c + B11 with p = B22 + B33
-    and q = B23 - B32. It is largest, and the joints turn least, at c = atan2(q, p). Angles in radians.
+    and q = B23 - B32. The sum is largest, and the joints turn least, at c = atan2(q, p). Angles are in radians.
 
-    Two landmarks do not fix the axial rotation, so it is estimated (Pronk; thesis Appendix A, note 1). With the
+    Two landmarks do not determine the axial rotation, so it is estimated (Pronk; thesis Appendix A, note 1). With the
     published rhythm this gives 41 degrees at 120 degrees of abduction; bone pins show 25-36 (Ludewig 2009, Oki 2012).
     """
     R_yz = rotation_from_cardan(xp.concatenate([clavicle_yz, xp.zeros_like(clavicle_yz[:1])]))

@@ -1,7 +1,8 @@
 """Rotations of the bones: Cardan angles Y-Z'-X'' (thesis, Appendix A).
 
-Arrays are *component first, batch last*: a vector is ``(3, *batch)``, a matrix ``(3, 3, *batch)``. Every
-function is elementwise over the batch, so one posture and a million postures are the same code.
+Arrays have the *component axis first and the batch axes last*: a vector is ``(3, *batch)``, a matrix
+``(3, 3, *batch)``. Every function is elementwise over the batch, so the same code serves one posture and a million
+postures.
 """
 
 import numpy as np
@@ -10,13 +11,13 @@ from jaxtyping import Float
 from motions.arrays import Array, xp
 
 DEG = 180.0 / np.pi
-"""Degrees in one radian. Files and tables are in degrees, everything inside is in radians."""
+"""Degrees in one radian. Files and tables are in degrees, internal values in radians."""
 
 
 def rotation_from_cardan(angles: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
     """Compute R = Ry(a) Rz(b) Rx(c), bone to thorax, from angles (a, b, c) in radians (thesis, Appendix A).
 
-    a > 0 protraction, b > 0 elevation / lateral rotation, c > 0 backward axial rotation / tipping.
+    a > 0 is protraction, b > 0 elevation or lateral rotation, c > 0 backward axial rotation or backward tipping.
     """
     (ca, cb, cc), (sa, sb, sc) = xp.cos(angles), xp.sin(angles)
     return xp.stack(
@@ -31,7 +32,7 @@ def rotation_from_cardan(angles: Float[Array, " 3 *batch"]) -> Float[Array, " 3 
 def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
     """Compute the angles (a, b, c) in radians of R = Ry(a) Rz(b) Rx(c), with |b| <= pi/2.
 
-    At |b| = pi/2 only a + c or a - c is determined (gimbal lock); no measured clavicle or scapula comes near.
+    At |b| = pi/2 only a + c or a - c is determined (gimbal lock); no measured clavicle or scapula comes near this.
     """
     a = xp.arctan2(-R[2, 0], R[0, 0])
     b = xp.arctan2(R[1, 0], xp.hypot(R[0, 0], R[2, 0]))
@@ -40,7 +41,7 @@ def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *ba
 
 
 def rotate(R: Float[Array, " 3 3 *batch"], v: Float[Array, " 3 *#batch"]) -> Float[Array, " 3 *batch"]:
-    """Compute R v, elementwise over the batch (no call of a matrix library for each 3 x 3)."""
+    """Compute R v, elementwise over the batch: no matrix-library call for each 3 x 3 matrix."""
     v = v.reshape(1, *v.shape, *[1] * (R.ndim - 1 - v.ndim))
     return (R * v).sum(axis=1)
 
@@ -51,7 +52,7 @@ def compose(R_a_b: Float[Array, " 3 3 *batch"], R_b_c: Float[Array, " 3 3 *#batc
 
 
 def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
-    """Compute exp([v]x): the rotation by |v| radians about v (Rodrigues), smooth through v = 0."""
+    """Compute exp([v]x), the rotation by |v| radians about v (Rodrigues), smooth at v = 0."""
     squared = xp.sum(v * v, axis=0)
     small = squared < _SMALL_ANGLE_SQUARED
     safe = xp.where(small, 1.0, squared)
@@ -78,7 +79,7 @@ def rotation_about(axis: Float[Array, " 3 *batch"], angle: Float[Array, " *batch
 
 
 def rotation_between(one: Float[Array, " 3 *batch"], other: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
-    """Compute the smallest rotation that turns one unit vector into another; not defined for opposite ones.
+    """Compute the smallest rotation that turns one unit vector into another; undefined for opposite vectors.
 
     R = I + [v]x + [v]x^2 / (1 + c), with v = one x other and c = one . other.
     """
@@ -88,18 +89,18 @@ def rotation_between(one: Float[Array, " 3 *batch"], other: Float[Array, " 3 *ba
 
 
 def vector_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
-    """Compute log R: the axis times the angle in radians, 0 for no rotation; of half a turn the axis is not unique."""
+    """Compute log R: the axis times the angle in radians, 0 for no rotation. At half a turn the axis is not unique."""
     axis = 0.5 * xp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine = xp.sqrt(xp.sum(axis * axis, axis=0))
     return axis * xp.where(sine > 0.0, mean_angle(R) / xp.where(sine > 0.0, sine, 1.0), 1.0)
 
 
 _SMALL_ANGLE_SQUARED = 1e-3
-"""rad^2. Below it the series, cut after the 4th power, is exact to 1e-12 and its derivatives stay finite."""
+"""Squared angle (rad^2) below which a series to the 4th power is used: exact to 1e-12, finite derivatives."""
 
 
 def mean_angle(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " *batch"]:
-    """Compute the angle in radians of the rotation R, in [0, pi], accurate near 0 and near pi."""
+    """Compute the angle of the rotation R in radians, in [0, pi], accurate near 0 and near pi."""
     axis = xp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine2 = xp.sqrt(xp.sum(axis * axis, axis=0))
     cosine2 = R[0, 0] + R[1, 1] + R[2, 2] - 1.0

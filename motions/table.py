@@ -1,4 +1,4 @@
-"""The postures of one or many subjects as typed arrays."""
+"""Postures of one or many subjects as typed arrays."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from jaxtyping import Bool, Float, Int, Shaped
 from motions.errors import InputError, warn_input
 
 ANGLES = ("clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x")
-"""Cardan angles Y-Z'-X'' of the clavicle and the scapula, the order of every array of six angles."""
+"""Cardan angles Y-Z'-X'' of clavicle and scapula, in the order of every array of six angles."""
 
 BONES = {"clavicle": slice(0, 3), "scapula": slice(3, 6)}
-"""The bones, and which of ANGLES are theirs."""
+"""Bones, and the slice of ANGLES that belongs to each."""
 
 ANGLE_NAMES = {
     "clavicle_y": "clavicle protraction",
@@ -26,34 +26,34 @@ ANGLE_NAMES = {
     "scapula_z": "scapula lateral rotation",
     "scapula_x": "scapula tipping",
 }
-"""What a person calls them; each grows in the direction that its name says, tipping and axial rotation backward."""
+"""Anatomical names of the angles; each angle grows as its name says, tipping and axial rotation backward."""
 
 FEWEST_ANGLES = 3
-"""The girdle has three degrees of freedom (thesis 6.2.3): with fewer angles its posture is not determined."""
+"""Minimum number of angles per posture: the girdle has three degrees of freedom (thesis 6.2.3)."""
 
 LANDMARKS = ("SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
 """Bony landmarks whose positions a motion file may hold (thesis, Appendix A)."""
 
 
 _SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
-"""What a name of a shoulder ends with beyond the person's."""
+"""Ending of a shoulder's name that follows the name of the person."""
 
 _LEADING_ZEROS = re.compile(r"(?<![\d.,])0+(?=\d)")
 
 _PER_POSTURE = ("subject", "motion", "posture", "humerus_elevation_deg", "angles_deg")
-"""Fields of ``Motions`` with an entry for each posture, but for landmarks and extra columns."""
+"""Fields of ``Motions`` with one entry per posture, besides landmarks and extra columns."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Motions:
     """N postures in the order of the files, all as a right shoulder; NaN means 'not measured'.
 
-    humerus_elevation_deg: angle of the humerus with the vertical, degrees.
-    angles_deg: the six ANGLES relative to the thorax, degrees.
-    landmarks_mm: positions in the thorax frame (x right, y up, z backward, origin IJ), mm; a landmark
-    without columns in the files has no entry.
-    extra: the columns that mean nothing here, as text, one row a posture, in the order of the files.
-    rejected: the subjects and files that were left out, each with its reason.
+    - ``humerus_elevation_deg``: angle between humerus and vertical, degrees.
+    - ``angles_deg``: the six ANGLES relative to the thorax, degrees.
+    - ``landmarks_mm``: positions in the thorax frame (x right, y up, z backward, origin IJ), mm; a landmark without
+      columns in the files has no entry.
+    - ``extra``: the columns that are not interpreted, as text, one row per posture, in the order of the files.
+    - ``rejected``: one error per subject or file that was left out, with its reason.
     """
 
     subject: Shaped[np.ndarray, " postures"]
@@ -71,22 +71,22 @@ class Motions:
 
     @property
     def subjects(self) -> tuple[str, ...]:
-        """The names of the subjects, each once, in the order in which they first appear."""
+        """Names of the subjects, each once, in the order of their first rows."""
         return tuple(dict.fromkeys(self.subject.tolist()))
 
     @property
     def subject_number(self) -> Int[np.ndarray, " postures"]:
-        """The place of each posture's subject among ``subjects``."""
+        """Index into ``subjects`` for each posture."""
         number = {name: k for k, name in enumerate(self.subjects)}
         return np.array([number[name] for name in self.subject.tolist()], int)
 
     def rows_by_subject(self) -> list[Int[np.ndarray, " own"]]:
-        """Give the rows of each subject, in the order of the subjects."""
+        """Return the rows of each subject, in the order of ``subjects``."""
         number = self.subject_number
         return np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1])
 
     def previous_rows(self) -> Int[np.ndarray, " postures"]:
-        """Give the row of the posture before, in the same motion of the same subject; -1 for the first."""
+        """Return, for each posture, the row of the previous one of its motion and subject; -1 for the first."""
         previous = np.full(len(self.posture), -1)
         order = np.lexsort((self.posture, self.motion, self.subject))
         after, before = order[1:], order[:-1]
@@ -99,7 +99,7 @@ class Motions:
         return self.take(np.flatnonzero(mask))
 
     def take(self, rows: Int[np.ndarray, " chosen"]) -> Motions:
-        """Take postures by their rows, in this order."""
+        """Select postures by their row numbers, in the order of these numbers."""
         return replace(
             self,
             **{field: getattr(self, field)[rows] for field in _PER_POSTURE},
@@ -109,9 +109,9 @@ class Motions:
 
     @staticmethod
     def concatenate(parts: Sequence[Motions]) -> Motions:
-        """Concatenate all postures of the parts, one part after the other.
+        """Concatenate the postures of all parts, one part after the other.
 
-        A landmark that only some parts have is NaN in the others; an extra column is empty text there.
+        A landmark that only some parts have is NaN in the other parts; an extra column is empty text there.
         """
         names = [name for name in LANDMARKS if any(name in part.landmarks_mm for part in parts)]
         extra = pd.concat([part.extra for part in parts], ignore_index=True).fillna("")
@@ -119,13 +119,13 @@ class Motions:
             **{field: np.concatenate([getattr(part, field) for part in parts]) for field in _PER_POSTURE},
             landmarks_mm={name: np.concatenate([_landmark(part, name) for part in parts]) for name in names},
             extra=extra,
-            # A part selected twice from one table carries the same errors: each is named once.
+            # Parts selected from the same table share its errors: each is kept once.
             rejected=tuple(dict.fromkeys(error for part in parts for error in part.rejected)),
         )
 
 
 def check_motions(motions: object) -> None:
-    """Refuse what is no Motions, and Motions without a posture: InputError."""
+    """Raise InputError if this is not Motions, or has no posture."""
     if not isinstance(motions, Motions):
         cause = f"this is a {type(motions).__name__}, not Motions"
         raise InputError("motions", None, cause, "Read a motion file: motions.read_motions(file)")
@@ -134,10 +134,10 @@ def check_motions(motions: object) -> None:
 
 
 def warn_of_alike_motions(motions: Motions, file: str) -> None:
-    """Warn of motions or subjects whose names differ in case, blanks, underscores or leading zeros alone.
+    """Warn of motions or subjects with nearly the same name, which count as different.
 
-    They count as two. A spreadsheet makes 1 of 01. P1_1 and P11 are two subjects: of these, what stands between is no
-    more than another sign.
+    The names differ only in case or leading zeros (a spreadsheet turns 01 into 1). Names of motions may also differ in
+    blanks and underscores. In names of subjects, a blank equals an underscore, but P1_1 and P11 are two subjects.
     """
     for column, what, between in ((motions.motion, "kinds of motion", ""), (motions.subject, "subjects", "_")):
         alike: dict[str, list[str]] = {}
@@ -151,10 +151,10 @@ def warn_of_alike_motions(motions: Motions, file: str) -> None:
 
 
 def _landmark(part: Motions, name: str) -> Float[np.ndarray, "postures 3"]:
-    """The positions of one landmark in mm, NaN throughout if the part has none."""
+    """Return the positions of one landmark in mm, all NaN if the part has none."""
     return part.landmarks_mm.get(name, np.full((len(part.posture), 3), np.nan))
 
 
 def person_of(subject: str) -> str:
-    """Give the name of the person: what is left of a shoulder's without its side."""
+    """Return the name of the person: the name of the shoulder without its side."""
     return _SIDE.sub("", subject) or subject

@@ -1,4 +1,4 @@
-"""The words of the pages and of the code: which of them the glossary replaces; of the pages how many, how easily read.
+"""Check the words and sentences of the pages, docstrings and comments against the glossary; count the pages' words.
 
     python scripts/words.py            # what is wrong, a line each; exit status 1 if anything is
     python scripts/words.py --ease     # Flesch reading ease of each page
@@ -56,9 +56,14 @@ NOBODY_UNDERSTOOD = (
 REPLACED_IN_PAGES = {r"not seen|have seen|has seen|had not seen": "held out of"}
 """In code a marker is not seen."""
 
+NO_SUBJECT = re.compile(r"(?:What|That|Those|Whose|Who|Whoever|Which|How|Of|By(?! default)|And|Nor)\b")
+"""Openings of sentences without a noun as their subject. Questions may begin so: they are headings."""
+
 _BLOCK = re.compile(r"^```[^\n]*\n.*?^```|\$\$.*?\$\$|`[^`\n]*`|\$[^$\n]+\$|\]\([^)\s]*\)", re.MULTILINE | re.DOTALL)
 _TABLE = re.compile(r"^\|.*$|^#.*$", re.MULTILINE)
 _SENTENCE = re.compile(r"[.!?:](?=\s)|\n\n|\n(?=- )")
+_WHOLE_SENTENCE = re.compile(r"\S.*?(?:[.!?][*)\"']*(?=\s|$)|(?=\n\s*\n|\n\s*(?:[-*]|\d+\.) |$))", re.DOTALL)
+_LIST_MARK = re.compile(r"^(?:[-*#>|]+|\d+\.)?[\s*\"'(#]*")
 _VOWELS = re.compile(r"[aeiouy]+")
 
 
@@ -78,21 +83,33 @@ def prose(text: str) -> str:
 
 
 def findings(page: Path) -> Iterator[str]:
-    """Say of each line of a page which word has a term in the glossary, or tells history."""
+    """List the words of a page that the glossary replaces or that tell history, and sentences without a noun first."""
     name, text = str(page.relative_to(ROOT)), page.read_text("utf-8")
     yield from (f"{name}: nobody understood '{one}'" for one in NOBODY_UNDERSTOOD if one in " ".join(text.split()))
     patterns = {**_whole_words(REPLACED), **_whole_words(REPLACED_IN_PAGES), **HISTORY}
     for number, line in enumerate(prose(text).splitlines(), 1):
         yield from _wrong(line, patterns, f"{name}:{number}")
+    yield from _without_subject(_TABLE.sub("", text), name)
 
 
 def code_findings(file: Path) -> Iterator[str]:
-    """Say of each docstring and comment of a module which word has a term in the glossary."""
+    """List the words in docstrings and comments that the glossary replaces, and sentences that begin without a noun."""
     patterns = _whole_words(REPLACED)
     with file.open("rb") as lines:
         for token in tokenize.tokenize(lines.readline):
             if token.type == tokenize.COMMENT or token.string.startswith('"""'):
-                yield from _wrong(prose(token.string), patterns, f"{file.relative_to(ROOT)}:{token.start[0]}")
+                where = f"{file.relative_to(ROOT)}:{token.start[0]}"
+                yield from _wrong(prose(token.string), patterns, where)
+                yield from _without_subject(token.string.strip('#"'), where)
+
+
+def _without_subject(text: str, where: str) -> Iterator[str]:
+    """List the sentences that begin without a noun."""
+    code_as_noun = _BLOCK.sub("X", text.replace("``", "`"))
+    for found in _WHOLE_SENTENCE.finditer(code_as_noun):
+        sentence = _LIST_MARK.sub("", found.group())
+        if NO_SUBJECT.match(sentence) and not sentence.rstrip("*)\"' ").endswith("?"):
+            yield f"{where}: '{' '.join(sentence.split())[:60]}' begins without a noun"
 
 
 def _whole_words(replaced: Mapping[str, str]) -> dict[str, str]:

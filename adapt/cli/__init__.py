@@ -1,1 +1,1 @@
-"""The command line, and what it prints."""
+"""Command line, and its output on the terminal."""

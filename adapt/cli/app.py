@@ -1,4 +1,4 @@
-"""The command line: ``girdle fit | adapt | diagnose | trust | muscles | convert | model | simulate | ...``."""
+"""Command line: ``girdle fit | adapt | diagnose | trust | muscles | convert | model | simulate | ...``."""
 
 import sys
 import warnings
@@ -27,14 +27,14 @@ girdle convert TRIAL.trc motions.csv       # landmarks of your laboratory to ang
 girdle adapt motions.csv --out results     # the model fitted to each person: open results/report.html
 girdle diagnose motions.csv --out why      # why model and measurement still differ: open why/report.html
 More: girdle --help, girdle COMMAND --help, girdle doctor"""
-"""What ``girdle`` alone says: the main job in three lines."""
+"""Text that ``girdle`` prints without a command: the main job in three lines."""
 
 
 class OnceCommand(TyperCommand):
-    """A command that refuses an option given twice where it takes one: the last would win in silence."""
+    """Command that refuses a repeated option with a single value, of which the last would win silently."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse as typer does, which counts nothing."""
+        """Parse as typer does, after a check for repeated options, which typer does not make."""
         if not ctx.resilient_parsing:
             _, _, given = self.make_parser(ctx).parse_args(args=list(args))
             for one in given:
@@ -48,11 +48,11 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     help="""Fit the shoulder girdle model to measured motions, adapt it to each person, and say why they still differ.
 
-A motion file is a CSV with one row a posture: subject, motion, posture, humerus_elevation_deg and the six
+A motion file is a CSV with one row per posture: subject, motion, posture, humerus_elevation_deg and the six
 Cardan angles clavicle_y_deg ... scapula_x_deg (right shoulder, thorax frame, degrees).
 
 Exit status: 0 every subject was handled, 3 some were not (named on stderr and in the files), 2 bad input, 130
-interrupted (what was there is as it was).""",
+interrupted (earlier results are unchanged).""",
 )
 
 for name, command in {
@@ -80,7 +80,7 @@ for name, command in {
 
 def _say_version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version  # 30 ms of every start
+        from importlib.metadata import version  # would cost 30 ms at every start
 
         console.print(f"girdle {version('girdle')}")
         raise typer.Exit
@@ -93,13 +93,13 @@ def first_lines(
         bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Say how to begin, where no command is given."""
+    """Print how to begin, where no command is given."""
     if context.invoked_subcommand is None:
         console.print(FIRST_LINES, soft_wrap=True)
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
-    """Say what a person should look at in one line; show any other warning as Python does."""
+    """Print an ``InputWarning`` as one line; show any other warning as Python does."""
     if issubclass(category, InputWarning):
         errors.print(f"warning: {message}", soft_wrap=True)
     else:
@@ -115,7 +115,7 @@ def _refuse(error: InputError) -> NoReturn:
 
 
 def main(application: typer.Typer = app) -> None:
-    """Run the command line: keep compiled code between runs; bad input is one message and exit status 2."""
+    """Run the command line with the cache of compiled code; bad input gives one message and exit status 2."""
     watch_stdin()
     keep_compiled()
     try:
@@ -129,6 +129,6 @@ def main(application: typer.Typer = app) -> None:
             raise
         _refuse(out_of_memory())
     except SystemExit as ended:
-        if ended.code == EXIT_INTERRUPTED:  # typer ends so on Ctrl-C, without a word
+        if ended.code == EXIT_INTERRUPTED:  # typer's exit on Ctrl-C, which prints nothing
             errors.print("interrupted")
         raise

@@ -1,7 +1,7 @@
-"""Defaults and words of the options, as the help shows them.
+"""Default values and words of the options, as the help shows them.
 
-Their homes need NumPy, JAX and pandas, which take two seconds to import; `girdle --help` and a usage error need none of
-them. `tests/cli/test_choices.py` compares every one with its home.
+The modules that define them need NumPy, JAX and pandas, which take two seconds to import; ``girdle --help`` and a usage
+error need none of these. ``tests/cli/test_choices.py`` compares every value here with its definition.
 """
 
 DEFAULT_MODEL = "R2"
@@ -18,11 +18,11 @@ DEFAULT_OBJECTIVE = OBJECTIVES[0]
 LANES = 512
 
 NO_EFFECT = "none"
-"""Of `girdle simulate --effect`. This is its home."""
+"""Value of ``girdle simulate --effect`` for no effect; defined here."""
 
 ANGLE_CHOICES = SIX, FIVE = ("six", "five")
-"""The angles that J is made of: all that were measured, or all but the axial rotation of the clavicle, which from two
-landmarks is an estimate (thesis 6.2.2). This is their home."""
+"""Angles in J: all measured ones, or all but the axial rotation of the clavicle, which is an estimate where the
+clavicle has two landmarks (thesis 6.2.2). Defined here."""
 
 POSITION_USES = ("use", "check", "ignore")
 

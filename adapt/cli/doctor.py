@@ -1,4 +1,4 @@
-"""What ``girdle doctor`` says: what is installed, what is kept between runs, what is missing and how to mend it."""
+"""Checks of ``girdle doctor``: what is installed, kept between runs or missing, and the remedies."""
 
 import os
 import shlex
@@ -28,12 +28,12 @@ USE_OF_EXTRA = {
     "parquet": "girdle convert TABLE.csv TABLE.parquet",
     "surface": "girdle transfer with surfaces",
 }
-"""What a person cannot do without an extra of the package."""
+"""Command that cannot be used without an extra of the package, by name of the extra."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of what the doctor says. ``remedy``: the command that mends it, if anything is to be mended."""
+    """One line of the output of ``girdle doctor``. ``remedy``: advice or command; empty if none is needed."""
 
     what: str
     found: str
@@ -42,7 +42,7 @@ class Finding:
 
 
 def print_findings() -> None:
-    """Print what was found and how to mend it; exit with ``EXIT_NEEDED_IS_MISSING`` where girdle cannot work."""
+    """Print the findings and their remedies; exit with ``EXIT_NEEDED_IS_MISSING`` where girdle cannot work."""
     findings = [
         python_found(),
         compiled_found(),
@@ -64,7 +64,7 @@ def print_findings() -> None:
 
 
 def python_found() -> Finding:
-    """Compare this Python with the one that the package asks for."""
+    """Compare the version of this Python with the version that the package requires."""
     asked = metadata("girdle")["Requires-Python"]
     right = Requirement(f"python{asked}").specifier.contains(python_version(), prereleases=True)
     remedy = "" if right else f"make a new environment with Python {asked}"
@@ -72,7 +72,7 @@ def python_found() -> Finding:
 
 
 def compiled_found() -> Finding:
-    """Tell whether Python keeps what it has compiled of its sources."""
+    """Check whether Python keeps its compiled source files."""
     what = "compiled Python files"
     if not sys.dont_write_bytecode:
         return Finding(what, "kept")
@@ -80,9 +80,9 @@ def compiled_found() -> Finding:
 
 
 def packages_found(requirements: Sequence[str]) -> Iterator[Finding]:
-    """Look for every package that the installed metadata names: those needed, then those of each extra.
+    """Look for every package that the installed metadata names: required packages, then those of each extra.
 
-    requirements: as `importlib.metadata.requires` gives them. Those for developers are left out.
+    ``requirements`` have the form of ``importlib.metadata.requires``. Packages for developers are left out.
     """
     by_extra: dict[str, list[Requirement]] = {}
     for one in map(Requirement, requirements):
@@ -113,8 +113,8 @@ def _version(package: str) -> str:
 
 
 def machine_code_found() -> Finding:
-    """Tell whether a function of this JAX becomes machine code on this processor; if not, why."""
-    import jax.numpy as jnp  # not for the help of other commands
+    """Check whether a function of this JAX compiles to machine code on this processor; if not, say why."""
+    import jax.numpy as jnp  # slow import: JAX
 
     from adapt.engine.jax_program import per_problem
     from adapt.engine.kernel import Kernel
@@ -128,8 +128,8 @@ def machine_code_found() -> Finding:
 
 
 def cache_found(folder: Path) -> Iterator[Finding]:
-    """Count what is kept in the cache folder: machine code of this version and of others, XLA's programs."""
-    from adapt.engine.object_cache import machine_folder, of_this_version  # JAX: not for the help of other commands
+    """Count the files in the cache folder: machine code of this version and of other versions, and programs of XLA."""
+    from adapt.engine.object_cache import machine_folder, of_this_version  # slow import: JAX
 
     if not _can_be_written(folder):
         remedy = "every run compiles anew; set XDG_CACHE_HOME to a folder of your own"
@@ -147,7 +147,7 @@ def cache_found(folder: Path) -> Iterator[Finding]:
 
 
 def _can_be_written(folder: Path) -> bool:
-    """Whether files can be made there, or the folder itself, which nobody has needed yet."""
+    """Check whether files can be made in the folder, or the folder itself where it does not exist yet."""
     there = next(path for path in (folder, *folder.parents) if path.exists())
     return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
 

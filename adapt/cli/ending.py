@@ -1,4 +1,4 @@
-"""How a command ends: its exit statuses, what it says at last, and with whom it ends."""
+"""End of a command: exit statuses, last messages, and the end together with the parent process."""
 
 import os
 from pathlib import Path
@@ -19,11 +19,11 @@ EXIT_INTERRUPTED = 130
 
 
 ENDS_WITH_STDIN = "GIRDLE_ENDS_WITH_STDIN"
-"""The environment variable with which a command ends as soon as nobody holds the other end of its standard input."""
+"""Environment variable that makes a command end as soon as no process holds the other end of its standard input."""
 
 
 def watch_stdin() -> None:
-    """End this process with the one that started it, however that ends, if the environment says so."""
+    """End this process when its parent process ends for any reason, if the environment asks for that."""
     if os.environ.get(ENDS_WITH_STDIN):
         Thread(target=_end_with_stdin, daemon=True).start()
 
@@ -35,16 +35,16 @@ def _end_with_stdin() -> None:
 
 
 _NO_MEMORY = ("RESOURCE_EXHAUSTED", "failed to map segment", "annot allocate memory", "can't start new thread")
-"""What XLA, the loader of libraries, the system and threads say."""
+"""Parts of the messages of XLA, the loader of libraries, the operating system and threads when memory runs out."""
 
 
 def is_out_of_memory(error: Exception) -> bool:
-    """Tell whether an error says that memory ran out, whoever says it."""
+    """Check whether an error says that memory ran out, whatever raised the error."""
     return isinstance(error, MemoryError) or any(word in str(error) for word in _NO_MEMORY)
 
 
 def out_of_memory() -> InputError:
-    """Make the error of a run for which there is too little memory."""
+    """Create the error of a run for which there is too little memory."""
     remedy = (
         "Close other programs, give fewer subjects or parameter sets at a time, or use a machine with more; "
         "girdle adapt takes less with a smaller --chunk. Results that were there are as they were"
@@ -53,15 +53,15 @@ def out_of_memory() -> InputError:
 
 
 def say_report(folder: Path, wrong: Exception | None) -> None:
-    """Say which page to open; raise what went wrong with it, if anything did."""
-    from adapt.output.result_files import REPORT, raise_without_report  # pandas: not for every command
+    """Print the path of the report page; raise the error that prevented the report, if there is one."""
+    from adapt.output.result_files import REPORT, raise_without_report  # slow import: pandas
 
     raise_without_report(folder, wrong)
     console.print(f"Open {folder / REPORT}", soft_wrap=True)
 
 
 def finish(motions: "Motions", failed: dict[str, str]) -> None:
-    """Name who was not handled on stderr and end with the exit status."""
+    """Print on stderr what was left out and who was not handled; if anything, exit with ``EXIT_SOME_NOT_HANDLED``."""
     for error in motions.rejected:
         errors.print(f"left out: {error}", soft_wrap=True)
     for subject, why in failed.items():

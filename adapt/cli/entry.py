@@ -1,7 +1,7 @@
-"""Where `girdle` starts: a TAB of the shell is answered from a list of words, anything else by the command line.
+"""Start of ``girdle``: shell completion is answered from a list of words, anything else by the command line.
 
-The command line, and libraries that its options check by, take too long for a TAB. `shell_words.txt` holds its
-commands and options; `scripts/shell_words.py` writes it.
+The command line, with the libraries that check its options, takes too long to import for a shell completion.
+``shell_words.txt`` holds its commands and options; ``scripts/shell_words.py`` writes it.
 """
 
 import inspect
@@ -13,23 +13,23 @@ from typing import Annotated
 import typer
 
 ASKED = "_GIRDLE_COMPLETE"
-"""The environment variable with which typer's scripts for the shells ask."""
+"""Environment variable by which typer's shell scripts ask for completion."""
 
 WORDS = Path(__file__).with_name("shell_words.txt")
-"""A line each: a command and its help, or a command, an option and its help; tabs between them."""
+"""Lines of a command and its help, or of a command, an option and its help, separated by tabs."""
 
 
 def main() -> None:
-    """Answer the shell, or run the command line."""
+    """Answer a shell completion, or run the command line."""
     if ASKED in os.environ:
         words()(prog_name="girdle")
-    from adapt.cli.app import main as run  # not for a TAB
+    from adapt.cli.app import main as run  # too slow for a shell completion
 
     run()
 
 
 def words() -> typer.Typer:
-    """Make a command line of the same commands and options, which does nothing but complete."""
+    """Make a command line with the same commands and options, which only completes."""
     app, options = typer.Typer(), dict[str, dict[str, str]]()
     helps: dict[str, str] = {}
     for line in WORDS.read_text(encoding="utf-8").splitlines():

@@ -1,4 +1,4 @@
-"""What the commands read: the motions, the parameter sets, and which of the subjects have none."""
+"""Input of the commands: motions, parameter sets, and subjects without a set."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,11 +15,14 @@ from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.table import FEWEST_ANGLES, warn_of_alike_motions
 
 _MOST_NAMED = 10
-"""Names in a message."""
+"""Largest number of names in a message."""
 
 
 def read_inputs(motions: list[Path], models: list[str], angles: str = SIX) -> tuple[Motions, list[AnyModel], Files]:
-    """Read the motions and the models, and say what run.json says of their files; ``angles``: of ``ANGLE_CHOICES``."""
+    """Read the motions and the models, and return them with the record of their files for run.json.
+
+    ``angles`` is one of ``ANGLE_CHOICES``.
+    """
     check_angles(angles)
     record, sets = inputs_record(motions, models), load_models(models)
     table = not_empty(with_angles(read_motions(*motions), angles), angles)
@@ -29,13 +32,13 @@ def read_inputs(motions: list[Path], models: list[str], angles: str = SIX) -> tu
 
 
 def check_angles(angles: str) -> None:
-    """Refuse a word that is none of ``ANGLE_CHOICES``: InputError."""
+    """Raise an InputError where ``angles`` is not one of ``ANGLE_CHOICES``."""
     if angles not in ANGLE_CHOICES:
         raise InputError("--angles", None, f"there is no '{angles}'", f"Use one of {', '.join(ANGLE_CHOICES)}")
 
 
 def not_empty(motions: Motions | None, angles: str) -> Motions:
-    """Return the motions. InputError where no posture is left of them."""
+    """Return the motions; raise an InputError where no posture is left."""
     if motions is None or not len(motions.posture):
         cause = f"no posture has {FEWEST_ANGLES} angles without clavicle_x_deg"
         raise InputError(f"--angles {angles}", None, cause, "Measure more angles, or take six")
@@ -43,9 +46,9 @@ def not_empty(motions: Motions | None, angles: str) -> Motions:
 
 
 def with_angles(motions: Motions, angles: str) -> Motions:
-    """Return the motions as measured, or, with FIVE, without the axial rotation of the clavicle.
+    """Return the motions as measured or, with FIVE, without the axial rotation of the clavicle.
 
-    Postures of which too few other angles are left for a fit are left out, and a warning says how many.
+    Postures with too few other angles for a fit are left out, and a warning says how many.
     """
     if angles == SIX:
         return motions
@@ -59,7 +62,7 @@ def with_angles(motions: Motions, angles: str) -> Motions:
 
 
 def subjects_without_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:
-    """Name who has no set of its own in a folder, and whose sets it has. InputError if nobody has."""
+    """Return an error for each subject without a set in a folder of sets; raise an InputError if no subject has one."""
     errors = {
         subject: InputError(
             model.name, None, f"there is no parameter set of subject {subject!r}", _whose_sets(subject, model)
@@ -84,7 +87,7 @@ def _whose_sets(subject: str, model: PersonalSets) -> str:
 
 
 def without_subjects(motions: Motions, missing: dict[str, InputError]) -> Motions:
-    """Return the motions without those of the subjects who have no set; these are named among the rejected."""
+    """Return the motions of the subjects that have a set; the others are named in ``rejected``."""
     mine = tuple(error for subject, error in missing.items() if subject in motions.subjects)
     if not mine:
         return motions
@@ -93,7 +96,7 @@ def without_subjects(motions: Motions, missing: dict[str, InputError]) -> Motion
 
 
 def load_models(models: list[str]) -> list[AnyModel]:
-    """Load parameter sets and folders of them. InputError if two have one name."""
+    """Load parameter sets and folders of sets; raise an InputError if two have the same name."""
     sets = [load_any_model(name) for name in models]
     names = [one.name for one in sets]
     if len(set(names)) < len(names):

@@ -1,4 +1,4 @@
-"""The options that several commands share, each with its help; the consoles; and how a record's options are taken."""
+"""Options that several commands share, with their help; the consoles; and options taken from a record."""
 
 from pathlib import Path
 from typing import Annotated
@@ -51,10 +51,10 @@ Out = Annotated[Path, typer.Option("--out", help="Folder for the results; made i
 
 
 def _take_from_record(context: typer.Context, path: Path | None) -> None:
-    """What the record says becomes the default of the command's parameters."""
+    """Make the options of the record the default values of the command's parameters."""
     if path is None:
         return
-    from adapt.output.repeat import other_versions, read_record, recorded_arguments  # pandas: not for every command
+    from adapt.output.repeat import other_versions, read_record, recorded_arguments  # slow import: pandas
 
     parameters = {one.name: one for one in context.command.params if one.name}
     options = set(parameters) - {"motions", "model", "models_of", "out", "repeat"}
@@ -71,7 +71,7 @@ def _not_without_motions(weight: float) -> float:
     if weight == 0.0:
         cause = "with w = 0 the measured angles have no part in E, and nothing is adapted to them"
         raise InputError("--weight", None, cause, "Give a positive number, as 10, or use girdle fit")
-    from adapt.solvers.objective import check_weight  # JAX: not for --help
+    from adapt.solvers.objective import check_weight  # slow import: JAX
 
     check_weight(weight, "--weight")
     return weight
@@ -86,7 +86,7 @@ Objective = Annotated[
     str,
     typer.Option(
         "--objective",
-        "--reading",  # its earlier name
+        "--reading",  # former name, still accepted
         help=f"Units of D and J in E: {', '.join(OBJECTIVES)}. The last one also takes measured positions of TS and "
         "AI; use it with a person's own parameter set only.",
     ),
@@ -96,8 +96,8 @@ Angles = Annotated[
     str,
     typer.Option(
         metavar="six|five",
-        help="Angles in J: six, or five without the axial rotation of the clavicle, which is an estimate where two "
-        "landmarks were measured on it. What is simulated of it then means nothing: two axial rotations close the "
+        help="Angles in J: six, or five without the axial rotation of the clavicle, which is an estimate where only "
+        "two landmarks were measured on it. With five, ignore the simulated axial rotation: two values close the "
         "conoid equally well.",
     ),
 ]
@@ -116,11 +116,11 @@ KnownEffects = Annotated[
     typer.Option(
         EFFECT_OPTION,
         metavar="NAME=A,B,C",
-        help="An effect known to be active in every subject, by the size of each of its directions (see `girdle "
-        f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
-        "thorax_tilt=0,5,0. With ~2,2,2 behind it the size of each subject is adapted too, about this mean: "
-        "one that is 2 off counts as a degree in one angle of one posture. =measured, of "
-        "sc_translation and ac_translation: as the positions in the motion file say. Repeatable; always in float64.",
+        help="Known effect, active in every subject, as in thorax_tilt=0,5,0: one amplitude per direction (see `girdle "
+        f"effects`), at {FULL_ELEVATION_DEG:g} degrees of elevation if the effect grows with elevation. "
+        "NAME=0,5,0~2,2,2 adapts the amplitudes of each subject too, about these means: a deviation of 2 counts as "
+        "one degree in one angle of one posture. sc_translation=measured and ac_translation=measured take the "
+        "movement from the positions in the motion file. Repeatable; always in float64.",
         show_default=False,
     ),
 ]
@@ -164,8 +164,8 @@ Repeat = Annotated[
     typer.Option(
         "--repeat",
         metavar="run.json",
-        help="Repeat an earlier run: motion files, models and options are those of its record, but for what is given "
-        "here. Its files must be as they were.",
+        help="Repeat an earlier run with the motion files, models and options of its record; options given here "
+        "replace the recorded ones. The files must be unchanged.",
         callback=_take_from_record,
         is_eager=True,
         show_default=False,
@@ -194,8 +194,8 @@ ClavicleZ = Annotated[
     str,
     typer.Option(
         metavar="|".join(CLAVICLE_Z),
-        help="Whose y axis the clavicle's z axis is normal to with the arm lowest: the thorax's, so that the estimated "
-        "axial rotation begins at 0, or the global one (Appendix A), which needs `global` in --map.",
+        help="The y axis to which the clavicle's z axis is normal with the arm lowest: the thorax's, so that the "
+        "estimated axial rotation begins at 0, or the global one (Appendix A), which needs `global` in --map.",
     ),
 ]
 
@@ -205,5 +205,5 @@ SurfaceUnit = Annotated[
 
 
 def asked_models(model: list[str], models_of: list[Path]) -> list[str]:
-    """Return what was asked for, else the default. A folder stands among the models, as run.json has it."""
+    """Return the models asked for, with folders of sets among them as in run.json, else the default model."""
     return [*model, *(str(folder.absolute()) for folder in models_of)] or [DEFAULT_MODEL]

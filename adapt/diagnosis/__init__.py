@@ -1,4 +1,4 @@
-"""The gap between the adapted girdle and the measurement: where it lies, which effect causes it, how far it shrinks."""
+"""Diagnosis of the gap between adapted girdle and measurement: its location, its causes and how far it shrinks."""
 
 from adapt.diagnosis.diagnosis import diagnose
 from adapt.diagnosis.result import Diagnoses, Diagnosis

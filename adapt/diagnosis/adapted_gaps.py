@@ -1,4 +1,4 @@
-"""The gaps of `girdle adapt`, and of `girdle adapt --effect`: the same fits, bounds and held-out folds."""
+"""Gaps of ``girdle adapt`` and ``girdle adapt --effect``, with the same fits, bounds and held-out folds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,22 +21,22 @@ from motions.table import FEWEST_ANGLES, Motions
 
 @dataclass(frozen=True)
 class AdaptedGaps:
-    """What the adaptations of one model leave, with known effects or without; mean |simulated - measured|, degrees."""
+    """Gaps after the adaptations of one model, with known effects or without: mean |simulated - measured|, degrees."""
 
     rows: PostureRows
     chain: AnyGirdle
-    """Of all subjects, adapted, with the effects active: (component, postures, subjects)."""
+    """Adapted girdles of all subjects with the effects active: (component, postures, subjects)."""
     adapted: Adapted
     in_sample: BoneGaps
-    """Over the postures of each subject, then over subjects: the mean of summary.csv."""
+    """Means over the postures of each subject, then over subjects, as in summary.csv."""
     held_out: Mapping[str, BoneGaps]
-    """By what is held out, MOTION (where there are several) or POSTURES: the mean of the rows of heldout.csv."""
+    """Means of the rows of heldout.csv, by the kind of fold: MOTION (where there are several) or POSTURES."""
     found: AdaptedSubjects
-    """The adaptations themselves."""
+    """Adaptations that the gaps are from."""
 
     @property
     def informative_deg2(self) -> float:
-        """Average the squared differences over what is informative of them: of six angles three."""
+        """Mean squared difference per informative value; six measured angles have three such values."""
         data = self.found.data
         measured = (data.measured & data.counted).sum(axis=0)
         total = np.where(self.adapted.status == status.OK, self.adapted.mean_j_deg2, np.nan) * measured.sum(axis=0)
@@ -47,15 +47,15 @@ class AdaptedGaps:
 
 @dataclass(frozen=True)
 class BaseGaps:
-    """The same of the model as it is."""
+    """Gaps of the model without adaptation."""
 
     in_sample: BoneGaps
     held_out: Mapping[str, BoneGaps]
-    """On the postures that are held out."""
+    """Means over the held-out postures, by the kind of fold."""
 
 
 def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:
-    """Average the gaps that the adaptations of one model leave, on all postures and on those that are held out."""
+    """Average the gaps after the adaptations of one model, on all postures and on held-out postures."""
     rows, adapted, data = found.rows, found.adapted, found.data
     measured = np.where(data.measured & data.counted, data.angles, np.nan)
     after = np.abs(np.where(adapted.status == status.OK, adapted.angles, np.nan) - measured) * float(DEG)
@@ -66,9 +66,9 @@ def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:
 
 
 def base_gaps(motions: Motions, before: PostureSolution, folds: Sequence[Fold], person: Mapping[str, int]) -> BaseGaps:
-    """Average the gaps of the model as it is, on all postures and on those that are held out.
+    """Average the gaps of the model without adaptation, on all postures and on held-out postures.
 
-    ``before``: its fits of all rows of the motions.
+    ``before``: fits of the model to all rows of the motions.
     """
     gaps, everyone = gaps_deg(motions, before), _persons(motions.subjects, person)
     in_sample = _of_subjects([gaps[:, motions.subject == name] for name in motions.subjects], everyone)
@@ -84,7 +84,7 @@ def _of_subjects(gaps: Sequence[Float[np.ndarray, "6 some"]], everyone) -> BoneG
 
 
 def _of_folds(gaps: Sequence[Float[np.ndarray, "6 some"]], folds: Sequence[Fold], everyone) -> dict[str, BoneGaps]:
-    """The gaps of all folds of each kind."""
+    """Average the gaps of all folds of each kind."""
     found = {}
     for kind in (MOTION, POSTURES):
         chosen = [k for k, fold in enumerate(folds) if fold.kind == kind]

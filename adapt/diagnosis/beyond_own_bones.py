@@ -1,18 +1,18 @@
-"""The null that every cause is held against: people have own bones (``adapt.own_bones``).
+"""Null hypothesis for every cause: people have own bones (``adapt.own_bones``).
 
-A cause is named if it predicts what own bones do not. With a set of causes V, their sizes from other
-persons on other motions,
+A cause is named if it predicts what own bones do not. With a set of causes V, whose sizes come from other persons and
+other motions,
 
-    share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
+    share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - gap of noise alone)
 
-of motions held out of the person's bones. Causes with which the others predict no better go, the worst first;
-all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over persons drawn anew. What measured
-positions show stands.
+on motions held out of the person's bones. Causes without which the other causes predict as well or
+better are removed, the worst first. All are removed unless share(V) is at least ``LEAST_SHARE`` with a probability of
+one half or more over resampled persons. Causes that measured positions show stay.
 
-A constant is one that own bones hold: each person's own predicts as well as one that all have alike. It is named if
-what all have in common of it, a, is beyond how persons differ. Their own are N(a, s^2), s the scale that is learnt
-beside the causes, times the SD of persons: of a bone that of the cause, SD. The set is one person too, so without a
-cause a is N(0, s^2), and with one N(0, s^2 + SD^2).
+Own bones can represent a constant cause: a constant of each person predicts as well as a constant common to all. Such a
+cause is named if the common constant a exceeds the variation between persons. The persons' constants are N(a, s^2),
+with s the scale learnt beside the causes times the SD between persons; for a bone, this SD is the SD of the cause. The
+set is one person too, so a is N(0, s^2) without the cause and N(0, s^2 + SD^2) with the cause.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,13 +46,13 @@ from models.person.own_bones import sds_of
 from motions.table import Motions
 
 LEAST_SHARE = 0.1
-"""Of the null's gap beyond noise, that causes take together."""
+"""Smallest share of the null's gap beyond noise that the causes have to take away together."""
 
 LEAST_PROBABILITY = 0.5
-"""That they take it."""
+"""Smallest probability that the causes take this share."""
 
 SURE = 0.8
-"""Probability of a constant that all have in common, from which it is named."""
+"""Smallest probability of a common constant for which it is named."""
 
 OWN_CONSTANTS = frozenset(
     (
@@ -66,29 +66,29 @@ OWN_CONSTANTS = frozenset(
         *(effect.name for effect in NUMBER_EFFECTS.values()),
     )
 )
-"""Causes that bones, frames and a thorax of a person's own hold; those of ``FRAMES`` differ between persons as frames
-do, the others as bones do."""
+"""Causes that own bones, frames and thorax can represent. Causes in ``FRAMES`` vary between persons as frames do, the
+other causes as bones do."""
 
 _FEW = 4
-"""Causes, of which all 16 sets are predicted side by side."""
+"""Largest number of causes for which all (16) sets are predicted in one batch."""
 
 
 class BudgetStep(NamedTuple):
-    """Own bones with some causes, in every fold."""
+    """Step of the gap budget: own bones with some causes, in every fold."""
 
     added: str
-    """The effect that it adds to the one before; empty for the first."""
+    """Effect that the step adds to the previous step; empty for the first step."""
     hypothesis: Hypothesis
     gaps_deg: Float[np.ndarray, "folds 6"]
 
 
 class Gain(NamedTuple):
-    """What one cause adds beside own bones and the causes before it."""
+    """Improvement by one cause, beside own bones and the causes before it."""
 
     share: float
-    """Of the null's gap beyond noise."""
+    """Share of the null's gap beyond noise that the cause takes away."""
     t: float
-    """Of the paired differences of persons and motions, in their standard errors."""
+    """Mean of the paired differences of persons and motions, in standard errors."""
 
 
 @dataclass(frozen=True)
@@ -100,27 +100,27 @@ class OwnBonesNull:
     motions: Motions
     library: Mapping[str, Effect]
     person: Mapping[str, int]
-    """Number of the person of each subject."""
+    """Person number of each subject."""
     found: dict[tuple[Hypothesis, Hypothesis], HeldOut] = field(default_factory=dict)
-    """What is held out with sets of causes, each among those that were named together."""
+    """Cache of held-out predictions by the set of causes and the causes named together."""
     learnt: dict[Hypothesis, People] = field(default_factory=dict)
-    """How persons differ beside them."""
+    """Cache of the variation between persons beside each set of causes."""
     seen: frozenset[str] = frozenset()
     """Causes that measured positions show."""
 
     @cached_property
     def rows(self) -> PostureRows:
-        """The postures, without effects."""
+        """Postures without effects."""
         return posture_rows(self.motions)
 
     @property
     def people(self) -> People:
-        """How these persons differ where no cause is active."""
+        """Variation between these persons where no cause is active."""
         return self.people_with((), ())
 
     def people_with(self, hypothesis: Hypothesis, named: Hypothesis) -> People:
-        """Learn how these persons differ beside some of the causes that were named: what they take was in nobody's
-        bones."""
+        """Learn the variation between persons beside some of the ``named`` causes, whose share of the gap is then not
+        attributed to bones."""
         if hypothesis not in self.learnt:
             rows = self.rows
             if hypothesis:
@@ -132,14 +132,14 @@ class OwnBonesNull:
 
     @cached_property
     def folds(self) -> list[Fold]:
-        """Each motion together with each person, of one person each motion (of one motion each third)."""
+        """Folds of each motion with each person; of a single person each motion, of a single motion each third."""
         every = motions_and_persons(self.motions, self.search.joint.shoulders.person)[0]
         kind = PERSON if PERSON in self.search.folds.kinds else MOTION
         return [fold for fold in every if fold.kind == kind]
 
     def adapted(self, amplitudes: Amplitudes = NO_EFFECTS) -> AdaptedGaps:
-        """Adapt with these effects, as `girdle adapt --own-bones --effect` does; with the sizes of each person that
-        measured positions show, where they are data."""
+        """Adapt with these effects, as ``girdle adapt --own-bones --effect`` does. Where measured positions are data,
+        each person has the sizes that the positions show."""
         rows, folds = posture_rows(self.motions, amplitudes, self.library), motions_and_thirds(self.motions)
         own = None
         if amplitudes and self.search.joint.positions:
@@ -148,9 +148,11 @@ class OwnBonesNull:
         return gaps_of(adapt_with_folds(rows, [self.model], folds, people=self.people, effects=own), self.person)
 
     def predict(self, hypotheses: Sequence[Hypothesis], named: Hypothesis) -> None:
-        """Predict what is held out with sets of causes, their sizes fitted without it, each once, side by side.
+        """Predict the held-out postures with each set of causes, in one batch and only once.
 
-        Those ``named`` that are not in a set have the size 0: one compiled program serves all sets of them."""
+        The sizes are fitted without the held-out postures. Causes that are ``named`` but not in a set have the size 0,
+        so that one compiled program serves all sets.
+        """
         missing = [one for one in dict.fromkeys(hypotheses) if (one, named) not in self.found]
         if not missing:
             return
@@ -166,16 +168,19 @@ class OwnBonesNull:
             self.found[one, named] = every.of(np.arange(k * count, (k + 1) * count))
 
     def held_out(self, hypothesis: Hypothesis, named: Hypothesis) -> HeldOut:
-        """Give what is held out with a set of causes."""
+        """Return the held-out predictions with a set of causes."""
         self.predict([hypothesis], named)
         return self.found[hypothesis, named]
 
     def gaps_deg(self, hypothesis: Hypothesis, named: Hypothesis) -> Float[np.ndarray, "folds 6"]:
-        """Average what it leaves of each angle in each fold."""
+        """Compute the mean gap of each angle in each fold."""
         return np.array([known_mean(gaps) for gaps in self.held_out(hypothesis, named).gaps_deg])
 
     def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
-        """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
+        """Keep common constants, and causes that take a share of the gap of own bones.
+
+        ``floor_deg``: gap of noise alone.
+        """
         chosen = tuple(name for name in named if not self.is_constant(name) or self._is_common(name, named))
         while held := [name for name in chosen if self.is_held(name)]:
             self.predict([chosen, *(without(chosen, name) for name in held)], named)
@@ -187,12 +192,12 @@ class OwnBonesNull:
         return self.tested(chosen, named, floor_deg)
 
     def tested(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> Hypothesis:
-        """Leave out what own bones are a null for, if it takes no share of what they leave beside the others chosen."""
+        """Remove all causes that are tested against own bones, if beside the others they take too little of the gap."""
         return chosen if self.probability(chosen, named, floor_deg) >= LEAST_PROBABILITY else self._constants(chosen)
 
     def probability(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> float:
-        """Compute how probably, over persons drawn anew, causes take ``LEAST_SHARE`` or more of what own bones leave;
-        1 of those that rest on the evidence alone."""
+        """Compute the probability over resampled persons that causes take ``LEAST_SHARE`` or more of the gap of own
+        bones; 1 where no cause is tested against own bones."""
         constants = self._constants(chosen)
         if len(chosen) == len(constants):
             return 1.0
@@ -203,14 +208,14 @@ class OwnBonesNull:
         return float(np.mean((takes >= LEAST_SHARE * beyond) & (takes > 0.0)))
 
     def probability_beyond(self, kept: Hypothesis, named: Hypothesis, floor_deg: float) -> float:
-        """Compute how probably anything is beyond own bones: of what is kept, or, where that is constants alone, of all
-        that was named."""
+        """Compute the probability that causes go beyond own bones: the ``kept`` causes, or all ``named`` causes if no
+        kept cause is tested against own bones."""
         return self.probability(kept if any(map(self.is_held, kept)) else named, named, floor_deg)
 
     def budget(self, chosen: Hypothesis, named: Hypothesis) -> list[BudgetStep]:
-        """Add causes one by one, the one that takes most of the held-out gap first; they were chosen of ``named``."""
+        """Add the causes ``chosen`` from ``named`` one by one, the cause that takes most of the held-out gap first."""
         sets, order = [chosen], []
-        if len(chosen) <= _FEW:  # all at once takes less time than a few one after the other
+        if len(chosen) <= _FEW:  # one batch takes less time than several predictions in turn
             self.predict([one for count in range(len(chosen) + 1) for one in combinations(chosen, count)], named)
         while sets[-1]:
             self.predict([without(sets[-1], name) for name in sets[-1]], named)
@@ -221,7 +226,7 @@ class OwnBonesNull:
         return [BudgetStep(name, one, self.gaps_deg(one, named)) for name, one in pairs]
 
     def gains(self, steps: list[BudgetStep], named: Hypothesis, floor_deg: float) -> dict[str, Gain]:
-        """Say what each cause of a gap budget takes beside those before it."""
+        """Compute the gain of each cause of a gap budget beside the causes before it."""
         return {
             step.added: self._gain(before.hypothesis, step.hypothesis, named, floor_deg)
             for before, step in pairwise(steps)
@@ -235,7 +240,7 @@ class OwnBonesNull:
 
     @cached_property
     def persons(self) -> np.ndarray:
-        """Number of the person of each fold."""
+        """Person number of each fold."""
         return np.array([self.person[self.motions.subjects[fold.subject]] for fold in self.folds])
 
     def _constants(self, chosen: Hypothesis) -> Hypothesis:
@@ -245,11 +250,11 @@ class OwnBonesNull:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
 
     def _is_common(self, name: str, named: Hypothesis) -> bool:
-        """Tell whether all have something in common of a constant that no computed axial rotation brings with it."""
+        """Check whether a constant is common to all persons and no consequence of a computed axial rotation."""
         return not is_its_zero(cause_of(name), self.search.known) and self.common(name, named) >= SURE
 
     def common(self, name: str, hypothesis: Hypothesis) -> float:
-        """Compute how probably all have something in common of a constant of a set, over persons drawn anew."""
+        """Compute the probability, over resampled persons, that a constant cause of a set is common to all persons."""
         search, scales = self.search, self.people_with(hypothesis, hypothesis).everybody[self.model.name]
         candidates, at = search.joint.candidates, search.mode(hypothesis)
         where, causes = candidates.where(hypothesis), [candidates.causes[one] for one in hypothesis]
@@ -273,11 +278,11 @@ class OwnBonesNull:
         return float(probabilities([np.array(none), np.array(some)])[1])
 
     def is_constant(self, name: str) -> bool:
-        """Tell whether a cause is one that own bones hold, and not known to be active."""
+        """Check whether a cause is one that own bones can represent, and is not known to be active."""
         return cause_of(name) in OWN_CONSTANTS and name not in self.search.known
 
     def tested_on(self, name: str) -> tuple[str, ...]:
-        """Say what shows a cause that is named (``Cause.tested_on``)."""
+        """List the data that confirm a named cause (``Cause.tested_on``)."""
         if cause_of(name) in self.seen:
             return ("positions",)
         if not self.is_held(name):
@@ -286,7 +291,7 @@ class OwnBonesNull:
         return kinds if self.folds[0].kind == PERSON else kinds[:1]
 
     def is_held(self, name: str) -> bool:
-        """Tell whether own bones are a null for this cause, which neither is known to be active nor was seen."""
+        """Check whether a cause is tested against own bones: no constant, not known to be active, and not seen."""
         known = self.is_constant(name) or name in self.search.known
         return not known and cause_of(name) not in self.seen
 
@@ -294,13 +299,13 @@ class OwnBonesNull:
 def _log_evidence(
     precision: Float[np.ndarray, "n n"], slope: Float[np.ndarray, " n"], variance: Float[np.ndarray, " n"]
 ) -> float:
-    """Integrate exp(slope a - a' precision a / 2) over a of these variances about 0."""
+    """Integrate exp(slope a - a' precision a / 2) over a ~ N(0, ``variance``); return the logarithm."""
     whole = np.eye(len(variance)) + precision * variance
     return float(0.5 * (slope * variance @ np.linalg.solve(whole, slope) - np.linalg.slogdet(whole).logabsdet))
 
 
 def _standard_error(differences: Float[np.ndarray, " folds"], persons: np.ndarray) -> float:
-    """Of the mean over persons; of one person, over folds."""
+    """Compute the standard error of the mean over persons or, for one person, over folds."""
     known = np.isfinite(differences)
     different = np.unique(persons[known])
     means = differences[known]

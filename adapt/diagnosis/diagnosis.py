@@ -1,4 +1,4 @@
-"""The diagnosis: where the gap lies, which causes predict what was not fitted, how far they take it down."""
+"""The diagnosis: location of the gap, causes that predict held-out data, and the gap with these causes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -76,18 +76,20 @@ def diagnose(
     positions: str = "use",
     position_noise_mm: float | None = None,
 ) -> dict[str, Diagnosis]:
-    """Diagnose the gap of all subjects together, with every model on its own; by name of the model.
+    """Diagnose the gap of all subjects together, with each model separately; return the diagnoses by model name.
 
-    ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
-    all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
-    ``adaptations``: of these models to these motions (``adapt.api.adapt_with_every_fold``), where they are known; they
-    are computed anew where a posture is left out.
-    ``positions``: of landmarks, in the motions. "use": they are data of the search, as angles are, and give every
-    person its sizes of the causes that they show. "check": the search does not see them; the constants of each person
-    are fitted to them, and the distances that are left are reported. "ignore": motions without them.
-    ``position_noise_mm``: the SD of one coordinate; without it, it is estimated.
-    Raises InputError where ``motions`` are none or no subject has enough postures, ValueError where there is no
-    candidate, or one of one's own that does nothing, or something at amplitude 0.
+    Postures that are marked with a slip are left out.
+
+    ``noise_deg``: SD of one measured angle; by default it is estimated. ``effects``: the candidates; by default all
+    listed effects and the doubtful numbers of each model. ``adaptations``: known adaptations of these models to these
+    motions (``adapt.api.adapt_with_every_fold``); they are recomputed if a posture is left out.
+    ``positions``: use of landmark positions in the motions. "use": positions are data of the search, as angles are, and
+    determine the sizes in each person of the causes that they show. "check": the search does not use positions; the
+    constants of each person are fitted to them, and the remaining distances are reported. "ignore": as if the motions
+    had no positions. ``position_noise_mm``: SD of one coordinate; by default it is estimated.
+
+    Raises InputError if ``motions`` has no postures or no subject has enough of them. Raises ValueError if there is no
+    candidate, or a user-defined effect changes nothing or does not vanish at amplitude 0.
     """
     check_motions(motions)
     if effects is not None and not effects:
@@ -103,7 +105,7 @@ def diagnose(
     computed = axial_is_computed(every)
     if adaptations is None or len(every.motions.posture) < len(motions.posture):
         adaptations = adapt_with_every_fold(every.motions, models, progress=progress)
-    with threadpool_limits(1, "blas"):  # of small matrices, more threads wait for each other longer than they work
+    with threadpool_limits(1, "blas"):  # matrices are small: threads would mostly wait
         return {
             model.name: _Study(
                 model,
@@ -119,7 +121,7 @@ def diagnose(
 
 
 class _Study:
-    """One model and the subjects: the steps of its diagnosis share the search."""
+    """Diagnosis by one model, whose steps share the search."""
 
     def __init__(
         self,
@@ -146,7 +148,7 @@ class _Study:
         declared: tuple[str, ...],
         noise_deg: float | None,
     ) -> Diagnosis:
-        """Search, weigh, name, and measure what the names are worth beside own bones."""
+        """Search sets of causes, weigh and name them, and test the named causes against own bones."""
         search, shoulders = self.search.run(), self.shoulders
         candidates = search.joint.candidates
         none = search.without_causes
@@ -155,7 +157,7 @@ class _Study:
         mean_floor = float(np.nanmean(floor))
         tested = can_test(shoulders.kinds, shoulders.persons)
         named = name_causes(search) if tested else nothing_named(search)
-        weights = weigh(search)  # of all that was fitted on the way
+        weights = weigh(search)  # of all sets fitted so far
         self.progress("own bones")
         other = named.hypothesis
         null = OwnBonesNull(search, self.model, self.motions, self.library, self.person, seen=named.seen)
@@ -216,13 +218,13 @@ class _Study:
         )
 
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:
-        """Locate the gap; ``floor`` is what noise leaves of it, on average, in each posture of the search."""
+        """Locate the gap; ``floor`` is the mean gap of noise alone in each posture of the search."""
         noise_deg2 = np.nan_to_num(floor[self.nearest].T[:, adapted.rows.place]) ** 2 * (np.pi / 2.0)
         data, chains = observe(self.motions, adapted.rows), (adapted.chain, with_causes.chain)
         return locate(data, adapted.adapted.angles, noise_deg2, chains, noise.angle_deg)
 
     def _amplitude(self, verdict: Verdict, sizes: dict[str, CauseAmplitude]) -> dict[str, CauseAmplitude]:
-        """Sizes by the first name of each cause; one that no gap shows has none."""
+        """Return the sizes by the first name of each cause; a cause that no gap shows has no size."""
         found = {cause.names[0]: one for cause, one in zip(verdict.causes, sizes.values(), strict=False)}
         for cause in verdict.causes[len(sizes) :]:
             effect = self.search.joint.candidates.effect(cause.names[0])
@@ -239,8 +241,11 @@ class _Study:
         against: dict[str, str],
         rejected: bool,
     ) -> Verdict:
-        """``shown``: the adaptations whose gap is more than noise or not; bones of one person's own in one motion hide
-        any."""
+        """Assemble the verdict.
+
+        ``shown``: adaptations whose gap is tested against noise; own bones of one person in one motion would hide any
+        gap.
+        """
         answer = UNKNOWN if rejected and not causes else self._answer(causes, gaps, shown, noise)
         for name in self.search.known:
             if not any(cause.names[0] == name for cause in causes):
@@ -250,7 +255,7 @@ class _Study:
         return Verdict(answer, tuple(causes), weights.inclusion, probability, against)
 
     def _answer(self, causes: list[Cause], gaps: Gaps, shown: AdaptedGaps, noise: Noise) -> Answer:
-        """Noise that was assumed shows nothing that is larger."""
+        """Choose the answer. If the noise is only assumed, a gap above the noise floor gives unknown, never none."""
         if causes:
             return EFFECT
         within = gaps.hardest["adapted"][ALL].value <= gaps.hardest["noise_floor"][ALL].value
@@ -264,7 +269,7 @@ class _Study:
         of_causes: list[BudgetStep],
         floor,
     ) -> Gaps:
-        """The levels of each kind of gap: as it is, adapted, with own bones, with the causes."""
+        """Collect each kind of gap for the model as it is, adapted, with own bones, and with the causes."""
         person = self.shoulders.person
         of_subject = np.array([known_mean(floor[self.shoulders.rows_of(s)].T) for s in range(len(person))])
         noise_floor = by_bone(of_subject, person)
@@ -307,7 +312,7 @@ def _levels(
 
 
 def _probability(weights: Weights, inclusion: dict[str, float], answer: str, over: float) -> dict[str, float]:
-    """Share the probability of each set of causes between its causes; the rest goes to unknown."""
+    """Divide the probability of each set equally between its causes, and give the unexplained share to unknown."""
     found = dict.fromkeys(inclusion, 0.0)
     none = 0.0
     for hypothesis, p in weights.probability.items():

@@ -1,8 +1,8 @@
-"""What a motion file says of itself: effects that its angles have by the way they were made, and slips.
+"""Marks in a motion file: effects that its angles have by the way they were made, and landmark outliers (slips).
 
-A slip turns one bone in one posture. A candidate is judged by what it predicts of motions and persons that it was not
-fitted to, and the slip of one posture predicts nothing of another: it can be no candidate. ``girdle convert`` finds it
-in the distances between landmarks, which no other cause changes, and marks it; the posture is no part of a diagnosis.
+A slip turns one bone in one posture. It cannot be a candidate: candidates are judged on motions and persons that they
+were not fitted to, and a slip in one posture predicts nothing about other postures. ``girdle convert`` finds slips in
+the distances between landmarks, which no other cause changes, and marks them; a diagnosis leaves these postures out.
 """
 
 import numpy as np
@@ -24,19 +24,19 @@ _MADE_SO = (
     (ESTIMATED, "yes", "clavicle_axial_estimate"),  # an estimate of the axial rotation lags the true one
     (SCAPULA_ROTATED, "AA brought to AC", "scapula_landmark_bias"),  # a mean rotation is not the subject's
     (SCAPULA_FROM, ".", "skin_artefact"),  # a cluster lies on the skin
-    (CLAVICLE_PLACED, "SC from|AC from", "clavicle_frame_bias"),  # nor is an offset: it turns the clavicle
+    (CLAVICLE_PLACED, "SC from|AC from", "clavicle_frame_bias"),  # an offset is not the subject's: it turns the bone
 )
-"""Column, mark, effect."""
+"""Column of the file, pattern of the mark, and the effect that it declares."""
 
 _YES = r"(?i)^\s*(?:yes|y|true|1)\s*$"
-"""What people write for it: a word that is not known would let one error count twice in silence."""
+"""Pattern of the ways to write yes. A way that it misses would silently let one error count twice."""
 
 _MOST = 0.5
-"""Of the postures, from which a mark is of all of them."""
+"""Share of marked postures above which a mark counts for all postures."""
 
 
 def declared_effects(motions: Motions) -> tuple[str, ...]:
-    """Name the effects that most postures are marked with; an estimate only where the angle is there."""
+    """List the effects that most postures are marked with; an estimated axial rotation only where there is one."""
     return tuple(effect for column, mark, effect in _MADE_SO if _marked(motions, column, mark).mean() > _MOST)
 
 
@@ -46,17 +46,17 @@ def _marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " post
 
 
 def angles_are_of_landmarks(motions: Motions) -> bool:
-    """Tell whether angles were computed from the same landmarks: one error would count twice."""
+    """Check whether the angles were computed from the same landmarks, so that one error would count twice."""
     return bool(is_marked(motions, ANGLES_FROM_LANDMARKS, _YES).any())
 
 
 def scapula_is_carried(motions: Motions) -> bool:
-    """Tell whether a cluster on the skin carried the landmarks of the scapula and AC: they are not on the bone."""
+    """Check whether a cluster on the skin, and not the bone, carried AC and the landmarks of the scapula."""
     return bool(is_marked(motions, SCAPULA_FROM, ".").any())
 
 
 def without_slips(motions: Motions) -> tuple[Motions, tuple[str, ...]]:
-    """Leave out the postures that are marked with a slip; and say which landmark slipped where."""
+    """Leave out the postures that are marked with a slip, and describe each slip in a phrase."""
     slips = marked_slips(motions)
     if not slips:
         return motions, ()

@@ -1,5 +1,4 @@
-"""Amplitudes of causes without what a fold holds out, a kind of motion and persons: of the population, or of a
-subject."""
+"""Population and subject-level amplitudes of causes, without the motions and persons that a fold holds out."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
@@ -33,8 +32,11 @@ def effects_of_folds(
     active: Hypothesis,
     seen: Collection[str],
 ) -> ActiveEffects:
-    """Give every fold, of one kind, the effects of a hypothesis at its postures, (channels, postures, folds); those of
-    ``active`` that are not in the hypothesis have the size 0. ``seen``: causes that positions show."""
+    """Compute the effects of a hypothesis for every fold at its postures, (channels, postures, folds).
+
+    ``folds``: all of one kind. Effects in ``active`` but not in the hypothesis get amplitude 0. ``seen``: causes that
+    positions show.
+    """
     kind = search.folds.only(folds[0].kind)
     candidates = search.joint.candidates
     at = search.mode(hypothesis)
@@ -58,8 +60,10 @@ def held_out_amplitudes(
     likelihood_without: Callable[[str], Likelihood],
     seen: Collection[str] = (),
 ) -> Float[np.ndarray, "folds own"]:
-    """Give the amplitudes of a hypothesis for every fold, in the linear model around the mode of one within it; of the
-    causes that were ``seen``, those that positions show."""
+    """Compute the amplitudes of a hypothesis for every fold, in the linear model around the mode ``at`` of a subset.
+
+    Causes that were ``seen`` get the amplitudes that positions show.
+    """
     where, here = candidates.where(hypothesis), candidates.among_all(at.hypothesis, at.amplitude)
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
     of_motion = {
@@ -90,8 +94,9 @@ def own_effects(
     library: Mapping[str, Effect],
     seen: Collection[str],
 ) -> ActiveEffects:
-    """Give every subject, and then every fold, the effects of a hypothesis with sizes of the subject's own: (channels,
-    postures, subjects and folds). Those of a fold are fitted without the kind of motion that it holds out."""
+    """Compute the effects of a hypothesis with subject-level amplitudes, for every subject and then every fold:
+    (channels, postures, subjects and folds). A fold's amplitudes are fitted without the kind of motion that it holds
+    out."""
     subjects = range(len(rows.subjects))
     wanted: list[tuple[str | None, int]] = [(None, subject) for subject in subjects]
     wanted += [(fold.held_out if fold.kind == MOTION else None, fold.subject) for fold in folds]
@@ -105,12 +110,12 @@ def own_effects(
 
 
 def no_size(names: Hypothesis, library: Mapping[str, Effect]) -> dict[str, Amplitude]:
-    """Give each effect the size 0."""
+    """Give each effect the amplitude 0."""
     return {name: (0.0,) * len(library[name].directions) for name in names}
 
 
 def _side_by_side(every: Iterable[ActiveEffects], rows: PostureRows, subjects: Sequence[int]) -> ActiveEffects:
-    """Lay effects side by side, each at the postures of a subject of its own."""
+    """Stack effects, each at the postures of its own subject."""
 
     def packed(subject: int) -> Callable[[Float[np.ndarray, "*k rows"]], Float[np.ndarray, "*k postures"]]:
         return lambda values: rows.packed(values)[..., subject]

@@ -1,4 +1,4 @@
-"""What measured positions say of a diagnosis: gaps in mm of the model as it is, adapted, and with the causes."""
+"""Comparison with measured positions: gaps in mm of the model as it is, adapted, and with the causes."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,7 +33,8 @@ from motions.table import Motions
 USES: tuple[PositionUse, ...] = ("use", "check", "ignore")
 
 LEAST_MM, MOST_MM = 0.01, 30.0
-"""Noise of a position beyond these is a slip of the pen: rounding of a file, and a landmark that is anywhere."""
+"""Limits of the noise of a position; values beyond are mistyped. The lower limit is the rounding of a file; with more
+noise than the upper limit a landmark could be anywhere."""
 
 _CONTRADICTED = (
     "angles and landmarks of all persons contradict each other by {:.1f} deg along the motions: check the signs, "
@@ -48,51 +49,51 @@ _SAME_ERRORS = (
 
 @dataclass(frozen=True)
 class PositionTask:
-    """What is to be done with the positions of these motions."""
+    """Use of the positions in these motions."""
 
     way: PositionUse
     motions: Motions
-    """Those of the diagnosis, with the positions that it is held against."""
+    """Motions of the diagnosis, with the positions for the comparison."""
     given_mm: float | None = None
-    """SD of one coordinate."""
+    """SD of one coordinate as given by the user."""
 
     @staticmethod
     def of(motions: Motions, way: str, noise_mm: float | None) -> "PositionTask":
-        """Check the words; InputError for others."""
+        """Check the arguments; raise InputError for invalid ones."""
         chosen = check_use(way, noise_mm)
         return PositionTask(chosen, without_positions(motions) if chosen == "ignore" else motions, noise_mm)
 
     @property
     def seen(self) -> Motions:
-        """The motions that the search sees."""
+        """Motions as the search uses them."""
         return self.motions if self.way == "use" else without_positions(self.motions)
 
     @cached_property
     def coordinate_sd_mm(self) -> float:
-        """SD of one measured coordinate: as given, estimated, or NaN."""
+        """SD of one measured coordinate: given, estimated, or NaN."""
         return self.given_mm or position_noise_mm(self.motions)
 
     @property
     def searched_sd_mm(self) -> float | None:
-        """SD of a coordinate that is data of the search; None where positions are not."""
+        """SD of a coordinate for the search; None where positions are no data of the search."""
         if self.way != "use" or self.only_angles:
             return None
         return self.coordinate_sd_mm if np.isfinite(self.coordinate_sd_mm) else PALPATED_MM
 
     @property
     def only_angles(self) -> bool:
-        """Whether the search sees no position of a joint."""
+        """True where the search uses no position of a joint."""
         return not {"SC", "AC", "AA"} & set(self.seen.landmarks_mm)
 
     @property
     def note(self) -> str:
-        """Why not all positions that were to be used are."""
+        """Reason why some of the positions to be used are not; empty otherwise."""
         both = self.way == "use" and bool(self.motions.landmarks_mm) and angles_are_of_landmarks(self.motions)
         return _SAME_ERRORS if both else ""
 
 
 def check_use(way: str, noise_mm: float | None) -> PositionUse:
-    """Refuse other words than USES, and a noise that cannot be, with an InputError."""
+    """Check ``way`` and the noise; raise InputError for words not in USES and for impossible noise."""
     if noise_mm is not None and not LEAST_MM <= noise_mm <= MOST_MM:
         cause = f"{noise_mm:g} is not between {LEAST_MM:g} and {MOST_MM:g} mm"
         remedy = "Give the SD of one coordinate in mm, or leave it to be estimated"
@@ -105,7 +106,7 @@ def check_use(way: str, noise_mm: float | None) -> PositionUse:
 
 
 def without_positions(motions: Motions) -> Motions:
-    """Leave out the positions of landmarks."""
+    """Remove the positions of landmarks from the motions."""
     return replace(motions, landmarks_mm={})
 
 
@@ -119,10 +120,12 @@ def judge_positions(
     used: bool,
     off_deg: float,
 ) -> Positions:
-    """Hold simulated positions against measured ones, in sample and on motions held out of adaptations and constants.
-    ``others``: adaptations with the person held out of the sizes of causes too, where there are several. ``used``:
-    whether positions were data of the search. ``off_deg``: by how much all angles contradict the landmarks, if they
-    do."""
+    """Compare simulated with measured positions, in sample and on motions held out of adaptations and constants.
+
+    ``others``: adaptations with the person also held out of the sizes of causes; None with a single person or motion.
+    ``used``: whether positions were data of the search. ``off_deg``: amount by which all angles contradict the
+    landmarks; 0 without contradiction.
+    """
     rows = posture_rows(task.motions)
     judge = Judge.of(model, rows)
     base = as_they_are(model, rows, before)
@@ -149,7 +152,7 @@ def _held_out(
     with_causes: AdaptedGaps,
     others: HeldOut | None,
 ) -> tuple[dict[str, float] | None, dict[str, float] | None]:
-    """The gaps of other motions, and of other persons."""
+    """Compute the gaps of other motions, and of other persons."""
     plain, named = of_motions(adapted.found.held_out), of_motions(with_causes.found.held_out)
     if not plain.folds or not judge.measured_mm:
         return None, None
@@ -164,8 +167,10 @@ def _held_out(
 
 
 def position_noise_mm(motions: Motions) -> float:
-    """Estimate the SD of one measured coordinate from what no smooth path of a landmark could be, at least the least
-    that may be given: places that were computed have none. NaN of too few."""
+    """Estimate the SD of one measured coordinate from deviations from a smooth path of the landmark.
+
+    The estimate is at least ``LEAST_MM``, because computed positions have no noise. NaN with too few postures.
+    """
     places = [place for name, place in measured_places_mm(motions).items() if name in POSITIONS]
     every = variances(shoulders_of(motions), np.concatenate([np.zeros((0, len(motions.posture))), *places]).T)
     known = every[np.isfinite(every)]

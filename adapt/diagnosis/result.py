@@ -1,6 +1,6 @@
-"""What a diagnosis says, as plain typed data: all that sentences, tables, figures, pages and JSON are made from.
+"""Result of a diagnosis as plain typed data, from which sentences, tables, figures, pages and JSON are made.
 
-Numbers that are not known are NaN or None, as each field says; JSON has null for both.
+Unknown numbers are NaN or None, as each field says; JSON has null for both.
 """
 
 import math
@@ -21,17 +21,17 @@ EFFECT: Answer = "effect"
 UNKNOWN: Answer = "unknown"
 
 ALL = "all"
-"""Both bones together, where gaps go by bone."""
+"""Key of both bones together, in gaps by bone."""
 
 BASE, ADAPTED_STEP, NOISE = "base", "adapted", "noise"
 """Steps of the gap budget beside the causes."""
 
 OWN_BONES = "own_bones"
-"""The step of the budget that gives each person bones and frames of its own: the null of every cause."""
+"""Step of the gap budget with own bones and frames, the null of every cause."""
 
 
 class Interval(NamedTuple):
-    """A value with its 95 % interval; NaN where unknown."""
+    """Value with its 95 % interval; NaN where unknown."""
 
     value: float
     low: float
@@ -40,75 +40,74 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True)
 class Cause:
-    """One active cause: the names it may have."""
+    """Active cause, with the names that it may have."""
 
     names: tuple[str, ...]
-    """Names that these data cannot tell apart, a credible set: that in the set of causes that is chosen, whose size is
-    given, then the most probable first."""
+    """Credible set: names that these data cannot distinguish. First the name in the chosen set of causes, whose size is
+    given; then the other names, the most probable first."""
     shares: tuple[float, ...]
-    """Probability of each name in this place."""
+    """Probability of each name in place of this cause."""
     gain: float
-    """Share of what own bones leave of the gap on held-out motions, beyond noise, that it takes away,
-    its size from other persons; NaN of what no gap shows."""
+    """Share of the held-out gap of own bones beyond noise that the cause takes away, with its size from other persons;
+    NaN where no gap shows the cause."""
     t: float
-    """That difference, paired by person, in its standard errors."""
+    """Difference of the gaps, paired by person, in standard errors."""
     tested_on: tuple[str, ...]
-    """What was not fitted to it and shows it: "positions" that measured it; "other_motion" and "other_person", of what
-    own bones do not predict. A constant that all have alike: "evidence". An axial rotation that is computed:
-    "angles"."""
+    """Data that confirm the cause: "positions" that measured it; "other_motion" and "other_person", held-out postures
+    that own bones do not predict; "evidence" for a constant that all have in common; "angles" for a computed axial
+    rotation."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer and the probabilities behind it."""
+    """Answer of the diagnosis, and its probabilities."""
 
     answer: Answer
     causes: tuple[Cause, ...]
-    """Those that predict motions and persons that were not fitted, the one that takes most of the gap first; then an
-    estimate that the angles show themselves."""
+    """Named causes, the cause that takes away most of the held-out gap first; then a computed axial rotation."""
     inclusion: dict[str, float]
-    """Probability of every candidate of being active, alone or with others; the most probable first."""
+    """Inclusion probability of every candidate: of being active, alone or with others; the most probable first."""
     probability: dict[str, float]
-    """Of every candidate, none, and unknown, the unexplained share of the gap; sums to 1. Causes active together
-    have equal parts."""
+    """Probability of every candidate, of none, and of unknown (the unexplained share of the gap); sums to 1. Causes
+    that are active together have equal parts."""
     not_named: Mapping[str, str] = field(default_factory=dict)
-    """What speaks against each cause that is probable, and no name."""
+    """Reason against each probable cause that is not named."""
 
     def inclusion_of(self, name: str) -> float:
-        """Look up the probability of a name of being active; NaN of what is no candidate."""
+        """Look up the inclusion probability of a name; NaN if the name is no candidate."""
         return self.inclusion.get(name, math.nan)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The first name of every cause."""
+        """First name of every cause."""
         return tuple(cause.names[0] for cause in self.causes)
 
 
 _HAS_IT = 0.5
-"""Share of the mean size from which a subject has a cause."""
+"""Smallest share of the mean size with which a subject counts as having a cause."""
 
 
 @dataclass(frozen=True)
 class CauseAmplitude:
-    """How large a cause is: the root mean square over the postures of what it does beyond a constant of each subject,
-    all directions together; of a constant cause, all of it."""
+    """Size of a cause: root mean square over the postures of its effect beyond a constant of each subject, over all
+    directions together; a constant cause counts in full."""
 
     effect: str
-    """Its name with that of its course."""
+    """Name of the effect, including its course."""
     what: str
-    """What it changes, one line."""
+    """Description of the change by the cause, one line."""
     course: str
-    """What its strength goes with: 'elevation of the arm', 'posture of the bones'; empty for a constant."""
+    """Basis of the strength: 'elevation of the arm', 'posture of the bones'; empty for a constant."""
     unit: str
     size: Interval
     typical: float
-    """How large such an effect typically is, by the same measure: its prior."""
+    """Typical size of such an effect by the same measure, from its prior."""
     directions: dict[str, Interval]
-    """Its amplitudes, in the unit of the effect."""
+    """Amplitude per direction, in the unit of the effect."""
     amplitude: Amplitude | None
-    """As an adaptation takes it, in the digits that are printed; None where no gap shows how large it is."""
+    """Amplitude as an adaptation takes it, rounded to the printed digits; None where no gap shows the size."""
     by_subject: Mapping[str, float] = field(default_factory=dict)
-    """Share of the mean size that it has in each subject; what a subject's data do not say is taken from the mean."""
+    """Share of the mean size in each subject; where a subject's data do not determine it, the mean is used."""
 
     @property
     def option(self) -> str:
@@ -117,61 +116,61 @@ class CauseAmplitude:
 
     @property
     def shown_by(self) -> tuple[str, ...]:
-        """The subjects that have it: at least half of the mean, the same way."""
+        """Subjects with at least half of the mean size, in the same direction."""
         return tuple(name for name, share in self.by_subject.items() if share >= _HAS_IT)
 
     @property
     def too_large(self) -> bool:
-        """Whether it is larger than such an effect is: something that acts like it."""
+        """True where the size is over twice the typical size: then something else acts like this cause."""
         return self.size.value > 2.0 * self.typical
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the gap budget: the mean absolute gap on held-out motions, degrees."""
+    """Step of the gap budget: mean absolute gap on held-out motions, degrees."""
 
     step: str
-    """BASE, ADAPTED_STEP, OWN_BONES, the name of a cause that is added, or NOISE."""
+    """BASE, ADAPTED_STEP, OWN_BONES, the name of an added cause, or NOISE."""
     gap_deg: Interval
 
 
 BoneGaps = Mapping[str, Interval]
-"""By bone: ALL, then those of ``motions.table.BONES``; degrees, with 95 % intervals over persons."""
+"""Gaps by bone (ALL, then ``motions.table.BONES``), in degrees, with 95 % intervals over persons."""
 
 GapKind = Literal["noise_floor", "base", "adapted", "own_bones", "with_effect"]
-"""What noise alone leaves, and what the model leaves as it is, adapted, adapted with own bones, and
-with the causes beside them."""
+"""Gap of noise alone, of the model as it is, adapted, adapted with own bones, and with own bones and the causes."""
 
 GapLevels = Mapping[GapKind, BoneGaps]
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Gaps of `girdle adapt`, with `--own-bones`, and with the causes beside them, on what was fitted and what not."""
+    """Gaps of ``girdle adapt``, with ``--own-bones``, and with own bones and the causes, in sample and held out."""
 
     in_sample: GapLevels
     other_postures: GapLevels
-    """Every third posture in turn, after the others."""
+    """Gaps on every third posture in turn, adapted to the other postures."""
     other_motion: GapLevels | None
-    """Each motion in turn, after the others; None where there is but one."""
+    """Gaps on each motion in turn, adapted to the other motions; None with a single motion."""
     other_person: GapLevels | None
-    """The same, and the amplitudes of the causes fitted to other persons; None where there is but one person."""
+    """Gaps as ``other_motion``, with the amplitudes of the causes from other persons; None with a single person or
+    motion."""
 
     @property
     def hardest(self) -> GapLevels:
-        """The gaps of which most was held out."""
+        """Gaps with the most data held out."""
         return self.other_person or self.other_motion or self.other_postures
 
     @property
     def shrinkage(self) -> float:
-        """How much of the adapted gap the causes take away of the hardest: a fraction; NaN where unknown."""
+        """Fraction of the adapted gap in ``hardest`` that own bones and causes take away; NaN where unknown."""
         adapted, with_effect = self.hardest["adapted"][ALL].value, self.hardest["with_effect"][ALL].value
         return (adapted - with_effect) / adapted if adapted else 0.0
 
 
 @dataclass(frozen=True)
 class Noise:
-    """SD of one measured angle, and what it rests on."""
+    """SD of one measured angle, and its source."""
 
     angle_deg: float
     source: str
@@ -182,7 +181,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class ParameterMeans:
-    """An adapted parameter's mean over the subjects, mm, without and with the causes."""
+    """Mean of an adapted parameter over the subjects, mm, without and with the causes."""
 
     adapted_mm: float
     with_effect_mm: float
@@ -190,134 +189,135 @@ class ParameterMeans:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A measurement and what it is expected to bring."""
+    """Proposed measurement and its expected benefit."""
 
     what: str
     between: tuple[str, str]
-    """The two names that it is to tell apart."""
+    """The two names that the measurement is to distinguish."""
     separation_now: float
     separation_then: float
-    """Expected log evidence, nats, of the first name over the second."""
+    """Expected log evidence, nats, of the first name over the second: now, and after the measurement."""
     apart_deg: float
-    """How far what the two say is apart in these postures, root mean square of an angle: what is gained by knowing."""
+    """Root mean square difference of an angle between the two names in these postures: the benefit of knowing."""
 
     @property
     def probabilities(self) -> tuple[float, float]:
-        """Expected probability of the right one of the two, now and then."""
+        """Expected probability of the right name, now and after the measurement."""
         return 1.0 / (1.0 + math.exp(-self.separation_now)), 1.0 / (1.0 + math.exp(-self.separation_then))
 
 
 PositionUse = Literal["use", "check", "ignore"]
-"""What is done with measured positions of landmarks: taken into the inference, held against it, or left out."""
+"""Use of measured positions of landmarks: as data of the inference, for comparison only, or not at all."""
 
 StateGaps = Mapping[str, float]
-"""By state (``adapt.tables.positions_table``): root mean square distance over landmarks and postures, mm."""
+"""Root mean square distance over landmarks and postures, mm, by state (``adapt.tables.positions_table``)."""
 
 
 @dataclass(frozen=True)
 class Positions:
-    """What measured positions of landmarks say of the simulated ones, each person with its own constants."""
+    """Comparison of measured with simulated positions of landmarks, with constants of each person."""
 
     used: bool
-    """Whether they were data of the inference."""
+    """True where positions were data of the inference."""
     note: str
-    """Why not, where they were to be used; what contradicts them; or empty."""
+    """Reason why positions to be used were not, or what contradicts them; or empty."""
     noise_mm: float
     """SD of one coordinate; NaN where unknown."""
     in_sample: StateGaps
-    """NaN without measured positions."""
+    """Distances on fitted postures; NaN without measured positions."""
     other_motion: StateGaps | None
-    """Of motions held out of adaptation and constants; None where there is but one."""
+    """Distances on motions held out of adaptation and constants; None with a single motion."""
     other_person: StateGaps | None
-    """The same, with the person held out of the sizes of the causes; None where there is but one."""
+    """Distances as ``other_motion``, with the person held out of the sizes of the causes; None with a single person or
+    motion."""
     not_told: tuple[str, ...]
-    """Landmarks whose place in a person these positions do not tell."""
+    """Landmarks whose place in the bone these positions do not determine."""
     motions: Motions
-    """The postures."""
+    """Motions with the measured postures."""
     measured_mm: Mapping[str, Float[np.ndarray, "3 rows"]]
     simulated_mm: Mapping[str, Mapping[str, Float[np.ndarray, "3 rows"]]]
-    """By state and landmark."""
+    """Simulated positions by state and landmark."""
 
 
 def can_test(kinds: Sequence[str], persons: int) -> bool:
-    """Tell whether a cause can be tested on what it was not fitted to: another kind of motion, or another person."""
+    """Check whether a cause can be tested on held-out data: another kind of motion, or another person."""
     return len(kinds) > 1 or persons > 1
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What one model says of the gap of all subjects given."""
+    """Diagnosis of the gap of all given subjects by one model."""
 
     model: str
     subjects: tuple[str, ...]
     left_out: dict[str, str]
-    """Subjects that say too little, each with its reason."""
+    """Subjects with too little data, each with the reason."""
     slips: tuple[str, ...]
-    """Postures that are left out because a landmark slipped in them, a phrase each."""
+    """Postures left out because of a landmark outlier, one phrase each."""
     persons: int
-    """Left and right shoulders of one person count once."""
+    """Number of persons; left and right shoulder of one person count once."""
     kinds: tuple[str, ...]
     """Kinds of motion."""
     postures: int
     searched_postures: int
-    """Of them, those that the search for causes took: of a motion with very many not all."""
+    """Number of postures in the search for causes, which takes only some of a motion with very many."""
     highest_elevation_deg: float
     noise: Noise
     declared_effects: tuple[str, ...]
-    """Effects that the motions are marked with."""
+    """Effects with which the motions are marked."""
     axial_is_computed: bool
-    """Whether the clavicle's axial rotation is a function of the other angles: an estimate, no measurement."""
+    """True where the clavicle's axial rotation is a function of the other angles: an estimate, no measurement."""
     verdict: Verdict
     amplitude: dict[str, CauseAmplitude]
-    """By the first name of each cause."""
+    """Size of each cause, by its first name."""
     landmark_sizes: dict[str, dict[str, Interval]]
-    """By name and direction, what landmarks say of the sizes that candidates change, against the set: the diagnosis
-    starts from it. Empty without landmarks."""
+    """Sizes by landmarks relative to the set, by candidate and direction; the diagnosis starts from them. Empty without
+    landmarks."""
     budget: tuple[Step, ...]
-    """The gap on held-out motions: as it is, adapted, with one cause after the other, from noise alone."""
+    """Gap budget on held-out motions: model as it is, adapted, own bones, one cause after the other, noise alone."""
     left_over_share: float
-    """Share of the adapted gap beyond noise that the causes leave over; NaN where there is none."""
+    """Share of the adapted gap beyond noise that stays unexplained; NaN where there is no such gap."""
     gaps: Gaps
     parameters: dict[str, ParameterMeans]
     where: Where
     indistinguishable: list[list[str]]
-    """Candidates that do the same to these data, whatever is active."""
+    """Groups of candidates with the same effect on these data, whatever is active."""
     lacking: tuple[str, ...]
-    """What to measure first, whatever is active."""
+    """Measurements that the data lack, whatever is active."""
     next_measurement: list[Proposal]
-    """What would tell names of a cause apart."""
+    """Measurements that would distinguish the names of a cause."""
     positions: Positions
 
     @property
     def effects(self) -> dict[str, Amplitude]:
-        """All causes whose size a gap shows, as ``adapt_subjects`` takes them."""
+        """Amplitudes of all causes whose size a gap shows, as ``adapt_subjects`` takes them."""
         return {one.effect: one.amplitude for one in self.amplitude.values() if one.amplitude is not None}
 
     @property
     def options(self) -> tuple[str, ...]:
-        """The same, as ``girdle adapt --effect`` takes them."""
+        """Amplitudes as in ``effects``, in the form of ``girdle adapt --effect``."""
         return tuple(as_option(name, amplitude) for name, amplitude in self.effects.items())
 
     @property
     def goes_further(self) -> bool:
-        """Whether there are causes beside own bones."""
+        """True where a named cause has an amplitude, in addition to own bones."""
         return bool(self.effects)
 
     @property
     def can_test(self) -> bool:
-        """Whether there is another motion, or person, to test a cause on that it was not fitted to."""
+        """True where there is another motion or person, on which a cause can be tested."""
         return can_test(self.kinds, self.persons)
 
 
 @dataclass(frozen=True)
 class Diagnoses:
-    """The diagnosis by each of several models, of the same motions."""
+    """Diagnoses of the same motions by several models."""
 
     by_model: Mapping[str, Diagnosis]
 
     @property
     def closest(self) -> Diagnosis:
-        """The one with the smallest held-out gap after adaptation."""
+        """Diagnosis with the smallest held-out gap after adaptation."""
         return min(self.by_model.values(), key=_adapted_gap_deg)
 
 

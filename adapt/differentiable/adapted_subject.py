@@ -1,8 +1,8 @@
 """The girdle adapted to a subject as a differentiable function: the optimum of E over theta and all closed postures.
 
-E = D + w mean(J_p) within bounds (thesis Eq. 6.3-6.5), theta the adapted parameters, or
-E_own = w / m (S + sigma^2 |z|^2),  z the sizes of the person's own bones in SDs (``docs/method.md``), S the squared
-gaps of the m measured angles.
+E = D + w mean(J_p) within bounds (thesis Eq. 6.3-6.5) with theta the adapted parameters, or
+E_own = w / m (S + sigma^2 |z|^2) with z the sizes of the person's own bones in SDs (``docs/method.md``) and S the sum
+of the squared gaps of the m measured angles.
 """
 
 from collections.abc import Mapping
@@ -25,24 +25,24 @@ WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
 
 ENDLESS = np.array([[-np.inf], [np.inf]])
-"""Bounds of what has none."""
+"""Bounds of parameters that have none."""
 
 
 class OwnPrior(NamedTuple):
-    """How persons differ from a girdle, and the noise of the angles."""
+    """Prior of own bones about a girdle, and the noise of the angles."""
 
     columns_mm: Float[Array, "numbers sizes"]
-    """What one SD of each size adds to ``Girdle.numbers_mm``."""
+    """Change of ``Girdle.numbers_mm`` per SD of each size."""
     noise_deg: Float[Array, ""]
-    """sigma, of every measured angle."""
+    """SD sigma of the noise of every measured angle, degrees."""
 
     @classmethod
     def about(
         cls, model: ParameterSet, noise_deg: float, scales: Mapping[str, float] | None = None, sds: OwnSDs = NO_SDS
     ) -> "OwnPrior":
-        """Lay out that of a parameter set: ``models.person.own_bones.SIZES``, with other ``sds`` than theirs by name.
+        """Build the prior about a parameter set from ``models.person.own_bones.SIZES``; ``sds`` replace SDs by name.
 
-        ``scales`` are factors of the SDs by group, adapted, bones and frames: ``adapted_scale`` and so on of
+        ``scales`` are factors of the SDs by group (adapted, bones, frames): ``adapted_scale`` and so on of
         ``parameters.csv``, which has ``noise_deg`` too.
         """
         factors = np.array([(scales or {}).get(one.group, 1.0) for one in SIZES])
@@ -50,12 +50,12 @@ class OwnPrior(NamedTuple):
 
 
 class AdaptedSubject(NamedTuple):
-    """The optimum of E within the bounds; every number is NaN where it did not converge."""
+    """Optimum of E within the bounds; every number is NaN where the search did not converge."""
 
     theta_mm: Float[Array, " adapted"]
-    """In the order of ``models.adapted_parameters.ADAPTED``, mm."""
+    """Adapted parameters in the order of ``models.adapted_parameters.ADAPTED``, mm."""
     free: Bool[Array, " adapted"]
-    """False at a bound. The derivative of such a parameter is that of its bound, and 0 in everything else."""
+    """False at a bound. The derivative of such a parameter is that of its bound, and 0 in every other number."""
     E: Float[Array, ""]
     """D + w mean(J), mm^2, or E_own."""
     D_mm2: Float[Array, ""]
@@ -63,9 +63,9 @@ class AdaptedSubject(NamedTuple):
     postures: PostureFit
     converged: Bool[Array, ""]
     girdle: Girdle
-    """Adapted."""
+    """Adapted girdle."""
     sizes: Float[Array, " sizes"]
-    """Of own bones, in SDs; none without."""
+    """Sizes of own bones, in SDs; empty without own bones."""
 
 
 def objective(
@@ -80,7 +80,7 @@ def objective(
     """Compute E(theta) = D + w mean(J_p), mm^2 (Eq. 6.3-6.5), as a function that any optimiser can minimise.
 
     D is the mean squared distance of the thorax points. Angles, ``measured``, ``start``, derivatives, compilation and
-    errors are those of :func:`fit_posture`.
+    errors are as in :func:`fit_posture`.
     """
     (s, R), moved = target(angles, measured), girdle.with_adapted(jnp.asarray(theta_mm))
     J = fit_from(jax.tree.map(jnp.asarray, moved), s, R, start).j_deg2
@@ -98,24 +98,23 @@ def adapt_subject(
     own_bones: OwnPrior | None = None,
     start: Float[Array, " thetas"] | None = None,
 ) -> AdaptedSubject:
-    """Minimise E(theta) (:func:`objective`) within lower and upper bounds, mm: what :func:`adapt.adapt_subjects` finds.
+    """Minimise E(theta) (:func:`objective`) within lower and upper bounds, mm, as :func:`adapt.adapt_subjects` does.
 
-    Differentiable in every number given but the girdle's own adapted parameters, which are only a start. ``jax.vmap``
-    takes subjects with unequal numbers of postures: pad them with postures whose ``measured`` is False. Starts are
-    places around the girdle (thesis 6.2.6; ``models.adapted_parameters.STARTS_MM``).
+    The result is differentiable in every number given but the girdle's own adapted parameters, which are only a start.
+    ``jax.vmap`` takes subjects with unequal numbers of postures: pad them with postures whose ``measured`` is False.
+    Starts are places around the girdle (thesis 6.2.6; ``models.adapted_parameters.STARTS_MM``).
 
-    ``own_bones``: minimise E_own = w / m (S + sigma^2 |z|^2) over the sizes of the person's own, without bounds, as
-    ``adapt_subjects(..., own_bones=True)`` does with the same noise and scales (``docs/method.md``). It is
-    differentiable in every number given, ``own_bones`` too; bounds and points move nothing, and w no optimum. Of angles
-    that were not measured the compiled fits keep a millionth of their weight, and this none. E_own has local minima,
-    and each search may end in another one.
+    ``own_bones``: minimise E_own = w / m (S + sigma^2 |z|^2) over the sizes of the person's own bones, without bounds,
+    as ``adapt_subjects(..., own_bones=True)`` does with the same noise and scales (``docs/method.md``). The result is
+    differentiable in every number given, ``own_bones`` included; bounds, points and w do not change the optimum. The
+    compiled fits give an unmeasured angle a millionth of the weight of a measured one, this function none. E_own has
+    local minima, and each search may end in another one.
 
-    ``start``: theta (mm), or sizes (SDs), to start from alone. That of a compiled adaptation ends in its minimum, and
-    spares the search.
+    ``start``: theta (mm), or sizes (SDs), as the only start. A start at the result of a compiled adaptation ends in the
+    same minimum and saves the search.
 
     The first call compiles for 20 s, a derivative for as long again. 14 postures then take 0.1 s, 56 some 0.7 s, 280
-    some 4 s.
-    InputError as in :func:`fit_posture`.
+    some 4 s. Errors are as in :func:`fit_posture`.
     """
     given = girdle, points_mm, bounds_mm, *target(angles, measured), weight, own_bones, start
     return _subject(*jax.tree.map(jnp.asarray, given))
@@ -153,8 +152,9 @@ def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None,
 
 @jax.custom_batching.sequential_vmap
 def _search(problem: Postures, starts: Array, theta: Array) -> tuple[tuple[Array, Array], Array]:
-    """Find the lowest optimum: from the starts with the measured postures, and then with the lowest postures that the
-    best of these has, or ``theta`` if there is none. Subject by subject, so that none waits for another."""
+    """Find the lowest optimum: from the starts with the measured postures, then from the best of these optima with its
+    lowest postures, or from ``theta`` where the starts lead to no optimum or there are none. Subjects are solved one by
+    one, so that none waits for another."""
 
     def further(best, given):
         start, soft = given

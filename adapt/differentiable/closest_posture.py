@@ -21,57 +21,57 @@ from motions.table import FEWEST_ANGLES
 
 _OFFSETS_DEG = np.concatenate([np.zeros((1, 6)), np.random.default_rng(1).uniform(-30.0, 30.0, (9, 6))])
 _SLACKS = np.stack([SOFTLY] * 5 + [HARDER] * 5)
-"""Starts about the measured angles, and how each goes on: J has several local minima. These lead to the J of the
-compiled fits in every one of 415 shipped and measured postures with six sets, and to the E of the compiled adaptations
-in every one of 18 subjects; five starts miss that of one by 1.4 %."""
+"""Starting points about the measured angles, and the slacks of the search from each: J has several local minima. These
+starts lead to the J of the compiled fits in every one of 415 shipped and measured postures with six sets, and to the E
+of the compiled adaptations in every one of 18 subjects; five starts miss the E of one subject by 1.4 %."""
 
 
 class PostureFit(NamedTuple):
-    """The closest closed posture; NaN where the fit did not converge."""
+    """Closest closed posture; NaN where the fit did not converge."""
 
     angles: Float[Array, " 6 *batch"]
-    """q, rad."""
+    """Angles q, rad."""
     multipliers: Float[Array, " 3 *batch"]
-    """lambda of A1-A3, deg^2 a mm."""
+    """Lagrange multipliers lambda of A1-A3, deg^2 per mm."""
     j_deg2: Float[Array, " *batch"]
     """J_p, deg^2; 0 for padding."""
 
 
 class Postures(NamedTuple):
-    """Closed postures of one girdle, which theta moves. Of posture fits alone theta has no entry."""
+    """Closed postures of one girdle, which theta moves. Posture fits alone have an empty theta."""
 
     s: Float[Array, "6 postures"]
-    """Measured angles, at rest where not measured."""
+    """Measured angles; angles at rest where not measured."""
     R: Float[Array, "6 postures"]
-    """J = sum (R (q - s))^2. 0 where not measured, NaN where too few were."""
+    """Factors in J = sum (R (q - s))^2: 0 where not measured, NaN where too few angles were."""
     share: Float[Array, " postures"]
-    """Square root of what a J counts; 0 of padding, which stays where it is."""
+    """Square root of the weight of each J; 0 for padding, which stays where it is."""
     girdle: Girdle
     columns: Float[Array, "numbers thetas"]
-    """What theta adds to ``Girdle.numbers_mm``."""
+    """Change of ``Girdle.numbers_mm`` per unit of theta."""
     bounds: Float[Array, "2 thetas"]
     points_mm: Float[Array, "3 points"]
-    """Whose mean squared distance counts."""
+    """Points whose mean squared distance counts."""
     pull: float | Float[Array, ""]
-    """Square root of what a theta^2 counts."""
+    """Square root of the weight of theta^2."""
 
     def girdle_at(self, theta: Array) -> Girdle:
-        """Build the girdle that theta makes."""
+        """Build the girdle at theta."""
         return Girdle.of_numbers(self.girdle.numbers_mm + self.columns @ theta)
 
     def residuals(self, theta: Array, q: Array) -> tuple[Array, Array]:
-        """Compute what E is the sum of squares of: of theta alone, and of each posture."""
+        """Compute the residuals whose sum of squares is E: those of theta alone, and those of each posture."""
         distances = distances_mm(self.girdle_at(theta), self.points_mm) / np.sqrt(max(1, self.points_mm.shape[1]))
         gaps = jnp.where(self.share > 0.0, self.share * self.R, 1.0) * (q - self.s)
         return jnp.concatenate([distances, self.pull * theta]), gaps
 
     def constraints(self, theta: Array, q: Array) -> Array:
-        """Compute A1-A3 of every posture; of padding, what keeps it where it is."""
+        """Compute A1-A3 of every posture, times ``share``; for padding, residuals that keep it where it is."""
         g = _open_by_mm(self.girdle_at(theta), q)
         return jnp.where(self.share > 0.0, self.share * g, (q - self.s)[:3])
 
     def fits(self, own: Array) -> PostureFit:
-        """Take the postures out of (q, lambda), unmeasured angles within half a turn of rest."""
+        """Return the postures of (q, lambda), with unmeasured angles within half a turn of rest."""
         q, multipliers = own[:6], own[6:]
         q -= 2.0 * jnp.pi * jnp.where(self.R == 0.0, jnp.round((q - self.s) / (2.0 * jnp.pi)), 0.0)
         of_J = multipliers / jnp.where(self.share > 0.0, self.share, 1.0)
@@ -86,7 +86,7 @@ def _open_by_mm(girdle: Girdle, q: Array) -> Array:
 
 @jax.jit
 def distances_mm(girdle: Girdle, points_mm: Array) -> Array:
-    """Compute how far points are from the ellipsoid."""
+    """Compute the distances of points to the ellipsoid."""
     return signed_distance_mm(points_mm, girdle.centre_mm[:, None], girdle.semi_axes_mm[:, None])
 
 
@@ -98,25 +98,25 @@ def fit_posture(
 ) -> PostureFit:
     """Fit postures: q, lambda and J_p (Eq. 6.1-6.2), differentiable in the girdle and the measured angles.
 
-    Forward and reverse, any number of times, with ``jit`` and ``vmap`` in any order. ``angles`` in rad; those whose
-    ``measured`` is False do not count, whatever they are. A posture with none is padding: J and every derivative are 0.
-    One with fewer than three is NaN. ``girdle`` has the same batch axes, or none. The lowest J of several starts is
-    taken, or that reached from ``start`` (rad) alone.
+    Derivatives work in forward and reverse mode, to any order, with ``jit`` and ``vmap`` in any order. ``angles`` are
+    in rad; angles whose ``measured`` is False do not count, whatever their value. A posture without measured angles is
+    padding: J and every derivative are 0. A posture with fewer than three is NaN. ``girdle`` has the same batch axes,
+    or none. The result is the lowest J of several starts, or the J reached from ``start`` (rad) alone.
 
-    The first call compiles for some 8 s, a derivative as long again. InputError if the first axis is not six long, or
-    if an angle is above a full turn, which ``jit`` cannot see.
+    The first call compiles for some 8 s, a derivative as long again. InputError if the first axis does not have length
+    six, or if an angle is above a full turn, which ``jit`` cannot see.
     """
     return fit_from(jax.tree.map(jnp.asarray, girdle), *target(angles, measured), start)
 
 
 @cache
 def _say_compiling() -> None:
-    """Say once a process why nothing seems to happen."""
+    """Warn once per process that the first call compiles and seems to do nothing."""
     logging.getLogger(__package__).warning("the first call compiles for 8 to 20 s; later calls do not")
 
 
 def target(angles, measured) -> tuple[Array, Array]:
-    """Lay out s and R, refusing what no angles are."""
+    """Return s and R; raise an InputError for angles of the wrong shape or unit."""
     _say_compiling()
     remedy = "np.deg2rad(motions.angles_deg).T"
     if jnp.shape(angles)[:1] != (6,):
@@ -145,7 +145,7 @@ def _fit_one(girdle: Girdle, s: Array, R: Array, start: Array | None) -> Posture
     one = Postures(s[:, None], R[:, None], counts, girdle, nothing, nothing[:2], nothing[:3], 0.0)
     starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
 
-    still = jax.lax.stop_gradient(one)  # before the loop, or JAX would trace what follows through it
+    still = jax.lax.stop_gradient(one)  # before the loop, or JAX would trace derivatives through it
 
     def searched(given):
         return reached(still, (nothing[0], given[0][:, None]), given[1])

@@ -1,18 +1,19 @@
-"""The least sum of squares under constraints and bounds, as a differentiable function of the numbers of the problem.
+"""Least sum of squares under constraints and bounds, as a differentiable function of the numbers of the problem.
 
     minimise |r(v)|^2   subject to   g(v) = 0,   low <= theta <= high,   v = (theta, q of each posture)
 
 Constraints and bounds first have slack: least squares of r, g / slack and (theta - nearest in bounds) / slack, which
-needs no feasible start and passes local minima. Newton's method then solves the conditions of the optimum
-x = (theta, q and lambda of each posture),
+needs no feasible start and passes local minima. Newton's method then solves the optimality conditions for x = (theta, q
+and lambda of each posture),
 
-    F(x) = d/dx (|r|^2 + lambda' g) = 0,   theta = bound in place of dF/dtheta where theta was beyond it,
+    F(x) = d/dx (|r|^2 + lambda' g) = 0,   theta = bound in place of the equation of theta where theta was beyond it,
 
-and they carry its derivatives (implicit function theorem): dx = -K^-1 dF with K = dF/dx. No posture meets another but
-through theta, so that J'J and K have the form of an arrow, and everything costs as much as there are postures.
+which also give the derivatives (implicit function theorem): dx = -K^-1 dF with K = dF/dx. Postures interact only
+through theta, so that J'J and K are arrow matrices, and the cost is proportional to the number of postures.
 
-A problem is a pytree of the numbers that the optimum follows, with ``bounds`` of theta, ``residuals`` (those of theta
-alone, and those of each posture) and ``constraints`` of theta and q. Numbers of postures have the postures last.
+A problem is a pytree of the numbers on which the optimum depends, with ``bounds`` of theta, and with ``residuals`` (of
+theta alone, and of each posture) and ``constraints`` as functions of theta and q. Arrays over postures have the
+postures last.
 """
 
 from typing import NamedTuple
@@ -26,39 +27,40 @@ from jax.flatten_util import ravel_pytree
 from motions.arrays import Array
 
 SOFTLY, HARDER, NEAR = np.array([[1.0, 0.1, 0.01], [0.1, 0.1, 0.01], [0.01, 0.01, 0.01]])
-"""Slacks of one search after the other, mm: first a chain open by 1 mm costs as much as gaps of 1 degree. The
-more slack, the farther a search leads; the last ones end in the minimum around the start."""
+"""Slacks of successive searches, mm: first a chain open by 1 mm costs as much as gaps of 1 degree. A larger slack leads
+a search farther; ``NEAR`` ends in the minimum around the start."""
 
 _MOST_STEPS, _ENDED = 30, 1e-6
-"""Of a search, and two more for each variable: 40 are too few for subjects with unmeasured angles. Its absolute and
-relative tolerance."""
+"""Largest number of steps of a search, to which two per variable are added (40 are too few for subjects with unmeasured
+angles), and the absolute and relative tolerance of a search."""
 
 _MOST_ROUNDS, _SETTLED = 10, 1e-9
-"""Of Newton's method, which needs three; a step as short ends it, mm or rad. Quadratically, rounding is left."""
+"""Largest number of Newton steps, of which three are needed, and the step length, mm or rad, at which they end.
+Convergence is quadratic, so only rounding is left after such a step."""
 
 
 @jax.custom_batching.sequential_vmap
 def _by_lapack(A: Array, b: Array) -> Array:
-    """One after the other: its batches have hung inside compiled loops."""
+    """Solve systems one after the other: LAPACK's batches have hung inside compiled loops."""
     return jnp.linalg.solve(A, b)
 
 
 class _Arrow(NamedTuple):
-    """A symmetric matrix over theta and what each posture has of its own."""
+    """Symmetric arrow matrix over theta and the own variables of each posture."""
 
     of_theta: Array
     both: Array
-    """(own, theta, postures)"""
+    """Blocks (own, theta, postures)."""
     own: Array
-    """(own, own, postures)"""
+    """Blocks (own, own, postures)."""
 
     def __matmul__(self, x: tuple[Array, Array]) -> tuple[Array, Array]:
         of_theta = self.of_theta @ x[0] + jnp.einsum("ktp,kp->t", self.both, x[1])
         return of_theta, jnp.einsum("ktp,t->kp", self.both, x[0]) + jnp.einsum("kjp,jp->kp", self.own, x[1])
 
     def solve(self, b: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Solve, each posture's own first (Schur complement)."""
-        flat, parts = ravel_pytree(b)  # JAX cannot transpose where only one of two parts is asked for
+        """Solve a linear system, first for each posture's own variables (Schur complement)."""
+        flat, parts = ravel_pytree(b)  # JAX cannot transpose a solve of which only one of two parts is used
 
         def product(x):
             return ravel_pytree(self @ parts(x))[0]
@@ -74,9 +76,9 @@ class _Arrow(NamedTuple):
 
 
 def _columns(linear, theta: Array, own: Array):
-    """Apply a linear function to each theta and to each number that a posture has, of all postures at once.
+    """Apply a linear function to the unit vectors of theta and of the variables of a posture, for all postures at once.
 
-    As no posture meets another, these are all its columns (Curtis, Powell and Reid 1974).
+    Postures do not interact, so these are all its columns (Curtis, Powell and Reid 1974).
     """
     t, k = len(theta), len(own)
     of_own = jnp.eye(t + k, k, -t)[..., None] * jnp.ones_like(own)
@@ -84,7 +86,7 @@ def _columns(linear, theta: Array, own: Array):
 
 
 class _Descent(optimistix.AbstractDescent):
-    """Levenberg-Marquardt's step by its normal equations."""
+    """Levenberg-Marquardt step by its normal equations."""
 
     def init(self, y, f_info_struct):
         (t,), (k, postures) = y[0].shape, y[1].shape
@@ -105,6 +107,8 @@ class _Descent(optimistix.AbstractDescent):
 
 
 class _LevenbergMarquardt(optimistix.LevenbergMarquardt):
+    """Levenberg-Marquardt with ``_Descent``."""
+
     def __init__(self):
         super().__init__(rtol=_ENDED, atol=_ENDED)
         self.descent = _Descent()  # pyright: ignore[reportAttributeAccessIssue]
@@ -119,7 +123,7 @@ def sum_of_squares(problem, x: tuple[Array, Array]) -> Array:
 
 @jax.jit
 def _gradient(problem, x: tuple[Array, Array]) -> tuple[Array, Array]:
-    """d/dx (|r|^2 + lambda' g)"""
+    """Compute d/dx (|r|^2 + lambda' g)."""
 
     def lagrangian(x):
         theta, own = x
@@ -130,14 +134,15 @@ def _gradient(problem, x: tuple[Array, Array]) -> tuple[Array, Array]:
 
 @jax.jit
 def _conditions(problem, beyond: Array, x: tuple[Array, Array]) -> tuple[Array, Array]:
-    """F; ``beyond`` is 1 where theta is above its upper bound, -1 below the lower, 0 where it is free."""
+    """Compute F. ``beyond`` is 1 where theta is above its upper bound, -1 below its lower bound, 0 where it is free."""
     of_theta, of_own = _gradient(problem, x)
     return jnp.where(beyond == 0.0, of_theta, x[0] - jnp.where(beyond < 0.0, *problem.bounds)), of_own
 
 
 @jax.jit
 def _newton_step(problem, beyond: Array, x: tuple[Array, Array], F: tuple[Array, Array]) -> tuple[Array, Array]:
-    """-K^-1 F. Of theta at a bound the rows of K are those of 1, and the right side has what it moves of all others."""
+    """Compute -K^-1 F. The rows of K for theta at a bound are those of the unit matrix, and the right-hand side
+    contains the effect of these steps on all other equations."""
     t, free = len(beyond), beyond == 0.0
     H, H_each = _columns(lambda dx: jax.jvp(lambda x: _gradient(problem, x), (x,), (dx,))[1], *x)
     K = _Arrow(H[:t], jnp.swapaxes(H_each[:t], 0, 1), H_each[t:])
@@ -148,7 +153,7 @@ def _newton_step(problem, beyond: Array, x: tuple[Array, Array], F: tuple[Array,
 
 
 def softly(problem, start: tuple[Array, Array], slacks: Array) -> tuple[Array, Array]:
-    """Search from v = start: v at the last slack."""
+    """Search from v = start with one slack after the other; return v at the last slack."""
 
     def residuals(v, slack):
         of_theta, of_each = problem.residuals(*v)
@@ -165,7 +170,8 @@ def softly(problem, start: tuple[Array, Array], slacks: Array) -> tuple[Array, A
 
 @jax.jit
 def reached(problem, start: tuple[Array, Array], slacks: Array) -> tuple[tuple[Array, Array], Array, Array]:
-    """Find the optimum x from v = start, where theta is beyond its bounds, and |r|^2; infinite where there is none."""
+    """Find the optimum x from v = start; return x, where theta is beyond its bounds, and |r|^2, infinite without an
+    optimum."""
     theta, q = softly(problem, start, slacks)
     beyond = jnp.sign(theta - jnp.clip(theta, *problem.bounds))
 
@@ -183,7 +189,7 @@ def reached(problem, start: tuple[Array, Array], slacks: Array) -> tuple[tuple[A
 
 @jax.custom_jvp
 def following(problem, beyond: Array, x: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return the optimum x as it is; it follows where the numbers of the problem move."""
+    """Return the optimum x unchanged; its derivatives follow the numbers of the problem."""
     return x
 
 

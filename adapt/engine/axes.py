@@ -1,5 +1,6 @@
-"""An axis before the problems (postures of a subject, points of a thorax), of which a kernel's text says what is done
-at one place: on arrays of all places at once, in machine code in a loop.
+"""Axes before the problems (postures of a subject, points of a thorax), for functions written for one place.
+
+On arrays, the function runs on all places at once; in machine code, in a loop over the places.
 """
 
 from collections.abc import Callable
@@ -12,28 +13,29 @@ from motions.arrays import Array, xp
 
 
 def along(like: Any, counted: Any = None) -> "WholeAxis | AxisLoop":
-    """Return the axis whose places are those of ``like``; ``counted`` (truths) says which have a part in sums."""
+    """Return the axis whose places are those of ``like``; ``counted``: mask of the places that count in sums and
+    maxima."""
     return AxisLoop(like, counted) if isinstance(like, MemoryRow) else WholeAxis(counted)
 
 
 class WholeAxis:
-    """All places of an axis at once, which is the first one of each array."""
+    """All places of an axis at once; the axis is the first one of each array."""
 
     def __init__(self, counted: Array | None):
         self._counted = counted
 
     def reduced(self, function: Callable[..., tuple[Any, Any, Any]], *trees: Any) -> tuple[Any, Any, Any]:
-        """Apply the function to each place of the trees and reduce what it gives there.
+        """Apply the function to each place of the trees and reduce its results.
 
-        It gives what is summed over the places that count; what the largest is wanted of (0 if none counts); and what
-        is kept of each.
+        The function returns three trees: values to be summed over the places that count, values whose maximum is wanted
+        (0 if no place counts), and values to be kept for each place.
         """
         sums, worst, kept = function(*trees)
         total = jax.tree.map(lambda x: xp.sum(self._of_counted(x), axis=0), sums)
         return total, jax.tree.map(lambda x: xp.max(self._of_counted(x), axis=0, initial=0.0), worst), kept
 
     def advanced(self, taken: Array, function: Callable[..., tuple[Any, Any, Any]], old: Any, *trees: Any):
-        """Apply and reduce the function as ``reduced`` does; in the ``taken`` problems what is kept replaces ``old``.
+        """Apply and reduce the function as ``reduced`` does; in the ``taken`` problems the kept values replace ``old``.
 
         ``old`` is the function's first tree.
         """
@@ -45,17 +47,17 @@ class WholeAxis:
 
 
 class AxisLoop:
-    """The same in machine code: a loop over the places."""
+    """Machine-code counterpart of ``WholeAxis``: a loop over the places."""
 
     def __init__(self, like: MemoryRow, counted: MemoryRow | None):
         self._builder, self._length, self._counted = like.builder, like.length, counted
 
     def reduced(self, function: Callable[..., tuple[Any, Any, Any]], *trees: Any) -> tuple[Any, Any, Any]:
-        """Write the loop of ``WholeAxis.reduced``; what is kept goes to scratch."""
+        """Write the loop of ``WholeAxis.reduced``; the kept values go to scratch memory."""
         return self._written(function, trees, lambda kept, _: kept, None)
 
     def advanced(self, taken: SimdValue, function: Callable[..., tuple[Any, Any, Any]], old: Any, *trees: Any):
-        """Write the loop of ``WholeAxis.advanced``; what is kept goes to the memory of ``old``."""
+        """Write the loop of ``WholeAxis.advanced``; the kept values go to the memory of ``old``."""
 
         def merged(new: list[SimdValue], before: list[SimdValue]) -> list[SimdValue]:
             return [self._builder.where(taken, a, b) for a, b in zip(new, before, strict=True)]
@@ -82,7 +84,7 @@ class AxisLoop:
         return *jax.tree.map(self._after_loop, (sums, worst)), jax.tree.unflatten(tree, rows)
 
     def _total(self, x: Any, join: Callable[..., SimdValue], counts: SimdValue | None, before_loop: list[str]) -> Any:
-        """Return the address of a running total that begins with 0, or x where it is 0 by construction."""
+        """Return the address of a running total that starts at 0, or x where x is 0 by construction."""
         builder = self._builder
         if builder.is_zero(x):
             return x
@@ -98,7 +100,7 @@ class AxisLoop:
 
 
 def stacked(components: Any) -> Any:
-    """Return components as one array, where they are arrays; anything else as it is."""
+    """Stack components into one array where they are arrays; return anything else unchanged."""
     if not isinstance(components, (list, tuple)) or type(components[0]) in (SimdValue, MemoryRow):
         return components
     return xp.stack(components)

@@ -1,8 +1,8 @@
-"""A batch of problems: a long one in chunks of one shape, in cache on a CPU, on every device that JAX sees, a thread
-each; a short one at once by numpy, before a compiled program would have been loaded.
+"""Batches of problems: a long batch runs in chunks of one shape, a short one directly by numpy.
 
-Problems are independent, so the outcome does not depend on the chunks. Every chunk is padded with copies of its last
-problem to one size, so that one program serves every batch.
+The chunks fit into the cache of a CPU and run in threads of their own, on every device that JAX sees. Numpy finishes a
+short batch before a compiled program would have been loaded. Problems are independent, so the results do not depend on
+the chunks. Every chunk is padded with copies of its last problem to one size, so that one program serves every batch.
 """
 
 import os
@@ -17,29 +17,32 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 _HAS_OLD_EMITTERS = jax.__version_info__ < (0, 11)
-"""XLA may emit code without its fusion emitters: later versions have no other, and refuse the option's name."""
+"""True where XLA can emit code without its fusion emitters. Later versions have no others, and refuse the option's
+name."""
 
 _UNFUSED = {"xla_disable_hlo_passes": "fusion", "xla_cpu_use_fusion_emitters": True} if _HAS_OLD_EMITTERS else {}
-"""Compiler option for the streams of elementwise operations. JAX 0.10's fusion computes a shared value anew in each of
-its uses: measured on one such program, 23 times the operations, 4 times the run time and 6 times the compilation. The
-emitters are XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes. JAX 0.12 does so
-where it may not fuse: measured on posture fits more than 60 s of CPU time, fused 13 s; 512 postures then take 0.34 s,
-in JAX 0.10 unfused 0.51 s."""
+"""Compiler options for streams of elementwise operations. The fusion of JAX 0.10 computes a shared value anew for each
+of its uses: measured on one such program, 23 times the operations, 4 times the run time and 6 times the compilation.
+The fusion emitters are XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes. JAX 0.12
+also compiles that long without fusion: measured on posture fits, more than 60 s of CPU time, with fusion 13 s; 512
+postures take 0.34 s with fusion, in JAX 0.10 without fusion 0.51 s."""
 
 QUICK_TO_COMPILE = {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
     **({"xla_cpu_use_fusion_emitters": False} if _HAS_OLD_EMITTERS else {}),
 }
-"""Compiler options for a large program that is run a few times, as exact. Measured on the reference posture fit with an
-effect, 64 postures: compiled in 6 s instead of 17, in two thirds of the memory; 0.37 ms a posture instead of 0.13."""
+"""Compiler options for a large program that runs only a few times; the results are as exact. Measured on the reference
+posture fit with an effect, 64 postures: 6 s of compilation instead of 17, in two thirds of the memory; 0.37 ms per
+posture instead of 0.13."""
 
 
 def compiled(function: Callable[..., Any], on_cpu: dict[str, Any] = _UNFUSED) -> Callable[..., Any]:
-    """Compile by ``jax.jit``, with options on a CPU, where a kernel launch costs less than what fusion repeats."""
+    """Compile ``function`` by ``jax.jit``, on a CPU with the options ``on_cpu``: a kernel launch there costs less than
+    the operations that fusion repeats."""
 
     @cache
-    def program() -> Callable[..., Any]:  # not before the first call: asking for the backend starts it
+    def program() -> Callable[..., Any]:  # delayed to the first call: asking for the backend starts it
         return jax.jit(function, compiler_options=on_cpu if jax.default_backend() == "cpu" else None)
 
     return wraps(function)(lambda *arguments: program()(*arguments))
@@ -48,14 +51,13 @@ def compiled(function: Callable[..., Any], on_cpu: dict[str, Any] = _UNFUSED) ->
 def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int = 0) -> Any:
     """Run ``function(*trees)`` over the last axis of every array, in chunks of ``size`` problems.
 
-    The results are numpy's arrays, to be written to.
-
-    Up to ``at_once`` problems the function (``compiled``) runs on numpy's arrays as it is written.
+    The results are numpy arrays that the caller may write to. With at most ``at_once`` problems, ``function`` (made by
+    ``compiled``) runs uncompiled on numpy arrays.
     """
     trees = jax.tree.map(np.asarray, trees)
     problems = jax.tree.leaves(trees)[0].shape[-1]
     if problems <= at_once:
-        with np.errstate(all="ignore"):  # a problem that fails is NaN, and found out
+        with np.errstate(all="ignore"):  # a failed problem gives NaN, which callers detect
             return jax.tree.map(np.array, unwrap(function)(*trees))
     devices = jax.local_devices()
     starts = range(0, problems, size)
@@ -80,18 +82,19 @@ _most_cores = os.cpu_count() or 1
 
 
 def cores() -> int:
-    """Tell on how many cores this process works: all of the machine, unless it is one of several."""
+    """Return the number of cores for this process: all cores of the machine, unless it is one of several processes."""
     return _most_cores
 
 
 def use_cores(number: int) -> None:
-    """Let this process work on so many cores, because others share the machine with it."""
+    """Limit this process to ``number`` cores, because other processes share the machine."""
     global _most_cores
     _most_cores = number
 
 
 def _workers(devices: list[Any]) -> int:
-    """Count threads: two chunks a device in flight hide the transfers; a CPU is one device with several cores."""
+    """Return the number of threads: two chunks per device in flight hide the transfers; a CPU is one device with
+    several cores."""
     if devices[0].platform == "cpu":
         return max(len(devices), cores())
     return 2 * len(devices)
@@ -100,10 +103,10 @@ def _workers(devices: list[Any]) -> int:
 def in_rounds(
     function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[Any, ...], names: Sequence[str], *start: Any
 ) -> Any:
-    """Run ``function(*fixed, (*start, converged), iterations)``, again on the problems not yet ``converged``.
+    """Run ``function(*fixed, (*start, converged), iterations)``, then again on the problems that have not converged.
 
-    ``rounds`` are the most iterations of each. A round starts with these fields of the result of the one before
-    (``names``); a problem that has converged stays where it is, and its ``iterations`` add up.
+    ``rounds``: the maximum number of iterations of each round. A round starts from the fields ``names`` of the previous
+    round's result. A converged problem keeps its result; ``iterations`` are summed over the rounds.
     """
 
     def done(fixed: tuple[Any, ...], start: Sequence[Any], iterations: int) -> Any:
@@ -123,9 +126,10 @@ def in_rounds(
 def refit(
     found: Any, which: Any, function: Callable[..., Any], *given: Any, put: Callable[..., None] | None = None
 ) -> Any:
-    """Run ``function`` on these problems of ``given`` alone, and put what it finds into their places in ``found``.
+    """Run ``function`` on some problems of ``given`` only, and write the results to their places in ``found``.
 
-    ``which``: a truth a problem. ``put``: another way to put it there than to replace what was.
+    ``which``: mask, one entry per problem. ``put``: function that writes the results; by default they replace the
+    previous values (``put_problems``).
     """
     left = np.flatnonzero(which)
     if len(left):
@@ -134,7 +138,8 @@ def refit(
 
 
 def as_type(tree: Any, dtype: DTypeLike) -> Any:
-    """Convert the numbers of every array to this type; leave truths, counts, and an array that has it already."""
+    """Convert the floating-point arrays of a tree to ``dtype``. Masks, integers and arrays of this type already stay as
+    they are."""
 
     def cast(x: Any) -> Any:
         x = np.asarray(x)
@@ -144,7 +149,7 @@ def as_type(tree: Any, dtype: DTypeLike) -> Any:
 
 
 def take_problems(tree: Any, index: Any) -> Any:
-    """Take some problems of every array: ``index`` holds their numbers, says which they are, or is a slice."""
+    """Take some problems of every array: ``index`` holds their numbers, is a mask, or is a slice."""
     if isinstance(index, slice):
         return jax.tree.map(lambda x: np.asarray(x)[..., index], tree)
     index = np.flatnonzero(index) if np.asarray(index).dtype == bool else index
@@ -152,13 +157,13 @@ def take_problems(tree: Any, index: Any) -> Any:
 
 
 def put_problems(tree: Any, index: Any, values: Any) -> None:
-    """Replace some problems of every array of a tree by those of ``values``, in place."""
+    """Replace the problems ``index`` of every array of a tree by ``values``, in place."""
     for whole, some in zip(jax.tree.leaves(tree), jax.tree.leaves(values), strict=True):
         whole[..., index] = some
 
 
 def where_problems(chosen: Any, new: Any, old: Any) -> Any:
-    """Take the chosen problems of every array of one tree, the others of another."""
+    """Take the problems ``chosen`` (a mask) of every array from ``new``, and the others from ``old``."""
     if chosen.all():
         return new
     if not chosen.any():
@@ -167,7 +172,7 @@ def where_problems(chosen: Any, new: Any, old: Any) -> Any:
 
 
 def with_problems(tree: Any, index: Any, values: Any) -> Any:
-    """Replace some problems of every array by those of ``values``, in a copy of the tree, as numpy."""
+    """Return a copy of the tree, as numpy arrays, in which ``values`` replace the problems ``index``."""
     result = jax.tree.map(np.array, tree)
     put_problems(result, index, values)
     return result

@@ -1,4 +1,4 @@
-"""Programs that XLA compiled are kept between runs."""
+"""Cache of programs that XLA compiled, kept between runs."""
 
 import os
 import sys
@@ -8,15 +8,15 @@ import platformdirs
 
 
 def cache_folder() -> Path:
-    """Return the user's folder of everything that is kept between runs; removing it costs only time."""
+    """Return the user's folder of all caches that girdle keeps between runs; removing the folder costs only time."""
     return platformdirs.user_cache_path("girdle")
 
 
 def keep_compiled() -> None:
-    """Keep every program in the user's cache folder.
+    """Make JAX cache every compiled program in the user's cache folder.
 
-    JAX reads the environment when it is imported, and is told where it is there already: the command line's help does
-    not wait for it.
+    JAX reads the environment variables when it is imported. A JAX that is imported already gets the same values through
+    its configuration. The help of the command line therefore does not wait for the import.
     """
     options = {
         "jax_compilation_cache_dir": str(cache_folder() / "jax"),

@@ -1,9 +1,9 @@
-"""Write LLVM instructions from a kernel's text: called with ``SimdValue``s, a function of components leaves them here.
+"""Builder of LLVM instructions: a kernel function called with ``SimdValue`` arguments leaves its instructions here.
 
-Every problem (ISPC's program instance) has one place in a register, and a block of problems (ISPC's gang) fills it.
-Values stay in registers or in the first cache, however many there are. Loops (over postures, thorax points, iterations)
-are written around such pieces; none of their lengths is in the code. No result depends on the other problems of a
-block.
+Every problem (ISPC's program instance) has one lane of a register, and a block of problems (ISPC's gang) fills the
+register. Values stay in registers or in the first-level cache, however many there are. Loops (over postures, thorax
+points, iterations) enclose these instructions; the code contains no length of an axis. No result depends on the other
+problems of a block.
 """
 
 import re
@@ -22,20 +22,22 @@ from adapt.engine.simd_values import REGISTER_BYTES, MemoryRow, SimdValue, simd_
 from adapt.engine.trigonometry import cosine, sine
 
 _ROWS = "SCRATCH_ROWS"
-"""Stands for the number of scratch rows of a place, which is known at the end."""
+"""Placeholder for the number of scratch rows per place, which is known only at the end."""
 
 
 class FunctionBuilder:
-    """Builds one function, ``void name(ptr arrays, ptr sizes, i64 first, i64 last, ptr scratch)``.
+    """Builder of one function, ``void name(ptr arrays, ptr sizes, i64 first, i64 last, ptr scratch)``.
 
     ``arrays`` points to the arrays, component first and problems last; ``sizes`` to the number of problems and the
-    lengths of the axes. It does blocks ``first`` to ``last``; the last block of all ends with the last problem.
+    lengths of the axes. The function runs blocks ``first`` to ``last`` (exclusive); the last block of all ends with the
+    last problem.
 
-    It is also the array namespace of its values: their ``where``, ``sqrt``, ``repeat_while``, ...
+    The builder is also the array namespace of its values: their ``where``, ``sqrt``, ``repeat_while``, ...
     """
 
     def __init__(self, name: str, dtype: DTypeLike, width: int | None = None):
-        """``dtype``: float64 or float32, the type of all numbers. ``width``: problems of a block, a register full."""
+        """Start an empty function. ``dtype``: float64 or float32, the type of all numbers. ``width``: problems per
+        block, by default one register full."""
         self.name, self.dtype = name, np.dtype(dtype)
         self.simd_width = width or simd_width(dtype)
         self.scratch, self.scratch_stride = "%scratch", str(self.simd_width)
@@ -48,28 +50,29 @@ class FunctionBuilder:
     # --- values
 
     def broadcast(self, x: Any) -> SimdValue:
-        """Give x as a SIMD value: a Python number is the same in every problem (uniform)."""
+        """Convert x to a SIMD value; a Python number is the same in every problem (uniform)."""
         if isinstance(x, SimdValue):
             return x
         if isinstance(x, bool):
             return SimdValue(self, f"splat (i1 {str(x).lower()})", is_mask=True)
-        rounded = float(self.dtype.type(x))  # LLVM writes the bits of a float as those of the same double
+        rounded = float(self.dtype.type(x))  # LLVM IR writes a float as the bits of the same double
         return SimdValue(self, f"splat ({self.element} 0x{struct.pack('>d', rounded).hex().upper()})")
 
     def arithmetic(self, operation: str, a: Any, b: Any) -> SimdValue:
-        """Compute a of b. ``contract``: a product and a sum may become one instruction, rounded once."""
+        """Append an arithmetic operation on a and b. The flag ``contract`` lets LLVM fuse a product and a sum into one
+        instruction, rounded once."""
         a, b = self.broadcast(a), self.broadcast(b)
         return self._number(f"{operation} contract {self.vector} {a.operand}, {b.operand}")
 
     def add(self, a: Any, b: Any) -> SimdValue:
-        """Add a and b; adding what is 0 by construction takes no instruction."""
+        """Add a and b; a summand that is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
         if self.is_zero(a):
             return b
         return a if self.is_zero(b) else self.arithmetic("fadd", a, b)
 
     def subtract(self, a: Any, b: Any) -> SimdValue:
-        """Subtract b from a; subtracting what is 0 by construction takes no instruction."""
+        """Subtract b from a; a number b that is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
         if self.is_zero(b):
             return a
@@ -78,24 +81,24 @@ class FunctionBuilder:
         return self.arithmetic("fsub", a, b)
 
     def multiply(self, a: Any, b: Any) -> SimdValue:
-        """Multiply a by b. What is 0 by construction stays so, whatever it is multiplied by."""
+        """Multiply a by b. A factor that is 0 by construction gives 0, whatever the other factor is."""
         a, b = self.broadcast(a), self.broadcast(b)
         if self.is_zero(a) or b.operand == self._one:
             return a
         return b if self.is_zero(b) or a.operand == self._one else self.arithmetic("fmul", a, b)
 
     def is_zero(self, x: Any) -> bool:
-        """Tell whether x is 0 by construction."""
+        """Check whether x is 0 by construction."""
         return self.broadcast(x).operand == self._zero
 
     def call_intrinsic(self, function: str, *arguments: Any, flags: str = "") -> SimdValue:
-        """Call LLVM's function of this name."""
+        """Call the LLVM intrinsic of this name."""
         operands = ", ".join(f"{self.vector} {self.broadcast(x).operand}" for x in arguments)
         kind = f"v{self.simd_width}f{8 * self.dtype.itemsize}"
         return self._number(f"call {flags}{self.vector} @llvm.{function}.{kind}({operands})")
 
     def compare(self, how: str, a: Any, b: Any) -> SimdValue:
-        """Compare a with b, a mask; ``how`` is LLVM's word for it (``olt``: less, false for NaN)."""
+        """Compare a with b and return a mask; ``how`` is LLVM's predicate (``olt``: less than, false for NaN)."""
         a, b = self.broadcast(a), self.broadcast(b)
         return self._mask(f"fcmp {how} {self.vector} {a.operand}, {b.operand}")
 
@@ -130,7 +133,7 @@ class FunctionBuilder:
         return self.call_intrinsic("sqrt", x)
 
     def maximum(self, a: Any, b: Any) -> SimdValue:
-        """Take the larger one; NaN if one of them is."""
+        """Take the larger of a and b; NaN if either is NaN."""
         return self.call_intrinsic("maximum", a, b, flags="nsz ")
 
     def minimum(self, a: Any, b: Any) -> SimdValue:
@@ -140,7 +143,7 @@ class FunctionBuilder:
         return self.minimum(self.maximum(x, low), high)
 
     def any(self, x: SimdValue) -> SimdValue:
-        """Leave each problem its own truth: ``repeat_while`` asks whether some problem goes on."""
+        """Return x, each problem's own truth value: ``repeat_while`` checks whether any problem is unfinished."""
         return x
 
     def sin(self, x: SimdValue) -> SimdValue:
@@ -152,7 +155,7 @@ class FunctionBuilder:
     # --- memory
 
     def load(self, address: str, is_mask: bool, one_byte: bool = False) -> SimdValue:
-        """Load one number a problem; a mask is 1 or 0 there, in ``one_byte`` or in a number."""
+        """Load one number per problem; a mask is stored as 1 or 0, in ``one_byte`` or as a number."""
         name = self.instructions.new_name()
         if not one_byte:
             self.instructions.append(f"{name} = load {self.vector}, ptr {address}, align {self.dtype.itemsize}")
@@ -162,7 +165,7 @@ class FunctionBuilder:
         return self._mask(f"icmp ne <{self.simd_width} x i8> {name}, splat (i8 0)")
 
     def store(self, address: str, value: SimdValue, one_byte: bool = False) -> None:
-        """Store one number a problem; a mask as 1 or 0, in ``one_byte`` or in a number."""
+        """Store one number per problem; a mask is stored as 1 or 0, in ``one_byte`` or as a number."""
         if one_byte:
             widened = f"zext {self.mask} {value.operand} to <{self.simd_width} x i8>"
             as_bytes = self.instructions.compute(widened)
@@ -171,19 +174,19 @@ class FunctionBuilder:
             self.instructions.append(self.store_instruction(address, value))
 
     def store_instruction(self, address: str, value: SimdValue) -> str:
-        """Return the instruction that stores a number; a mask as 1 or 0."""
+        """Return the instruction that stores a number, or a mask as 1 or 0."""
         if value.is_mask:
             value = self.where(value, 1.0, 0.0)
         return f"store {self.vector} {value.operand}, ptr {address}, align {self.dtype.itemsize}"
 
     def variable(self) -> str:
-        """Make room for one number a problem; return its address."""
+        """Allocate memory for one number per problem; return its address."""
         name = self.instructions.new_name()
         self.instructions.entry.append(f"{name} = alloca {self.vector}, align {REGISTER_BYTES}")
         return name
 
     def scratch_row(self, length: str, is_mask: bool) -> MemoryRow:
-        """Return a new row of scratch, beside the others of the same place of the axis."""
+        """Return a new row of scratch memory, next to the other rows of the same place of the axis."""
         row, self.scratch_rows = self.scratch_rows, self.scratch_rows + 1
         compute = self.instructions.compute
 
@@ -194,7 +197,8 @@ class FunctionBuilder:
         return MemoryRow(self, self.scratch, length, offset_at, is_mask, one_byte=False)
 
     def argument_rows(self, number: int, rows: int, axis: int | None, is_mask: bool) -> list[MemoryRow]:
-        """Return the rows of the caller's array of this number, along this entry of ``sizes`` if there is one."""
+        """Return the rows of the caller's array ``number``; ``axis``: entry of ``sizes`` with the length of its axis,
+        if any."""
         pointer = self._argument("ptr", "%arrays", number)
         length = "1" if axis is None else self.size(axis)
         compute = self.instructions.compute
@@ -223,7 +227,7 @@ class FunctionBuilder:
 
     @contextmanager
     def loop(self, length: str, name: str, first: str = "0", step: str = "1") -> Iterator[str]:
-        """Do the instructions within for every ``step``th index from ``first`` up to ``length``."""
+        """Repeat the instructions within for every ``step``th index from ``first`` up to ``length``."""
         write = self.instructions
         counter = write.new_name()
         write.entry.append(f"{counter} = alloca i64")
@@ -237,7 +241,8 @@ class FunctionBuilder:
 
     @contextmanager
     def each_block(self) -> Iterator[None]:
-        """Do what is within for one block after the other; ``%problem`` is the first one of each."""
+        """Repeat the instructions within for one block after the other; ``%problem`` is the first problem of a
+        block."""
         compute = self.instructions.compute
         with self.loop("%last", "block", "%first") as block:
             last = compute(f"sub i64 {self.size(0)}, {self.simd_width}")
@@ -253,9 +258,9 @@ class FunctionBuilder:
         state: Any,
         name: str = "while",
     ) -> Any:
-        """Advance each problem as long as it is unfinished: as ``motions.arrays.repeat_while`` of that problem alone.
+        """Advance each problem while it is unfinished, as ``motions.arrays.repeat_while`` does with this problem alone.
 
-        A problem that has finished stays as it is while others go on. ``MemoryRow``s of the state change in place.
+        A finished problem keeps its state while others continue. Each ``MemoryRow`` of the state changes in place.
         """
         leaves, tree = jax.tree.flatten(state)
         places = {k: self.variable() for k, x in enumerate(leaves) if not isinstance(x, MemoryRow)}
@@ -281,7 +286,7 @@ class FunctionBuilder:
         return self.instructions.compute(f"icmp ne i{self.simd_width} {bits}, 0")
 
     def repeat(self, times: int, advance: Callable[[Any], Any], state: Any) -> Any:
-        """Advance the state so many times."""
+        """Advance the state ``times`` times."""
 
         def advance_and_count(counted):
             number, now = counted
@@ -293,7 +298,8 @@ class FunctionBuilder:
     # --- the whole
 
     def text(self) -> str:
-        """Return the module: the function, and ``name_rows()``, how many rows of scratch it wants for each place."""
+        """Return the LLVM module: the function, and ``name_rows()``, which returns the number of scratch rows per
+        place."""
         return "\n".join(
             [
                 f"define i64 @{self.name}_rows() {{ ret i64 {self.scratch_rows} }}",
@@ -305,7 +311,7 @@ class FunctionBuilder:
         )
 
     def body(self) -> list[str]:
-        """Return the function's body and the declarations of what it calls."""
+        """Return the body of the function and the declarations of the intrinsics that it calls."""
         live = self.instructions.live()
         lines = [*self.instructions.entry, "br label %start", "start:", *live, "ret void"]
         text = "\n  ".join(lines).replace(_ROWS, str(self.scratch_rows))
@@ -313,7 +319,7 @@ class FunctionBuilder:
         return [f"entry:\n  {text}\n}}", *(f"declare {x}({', '.join([self.vector] * _arity(x))})" for x in called)]
 
     def count_operations(self) -> Counter[tuple[str, ...]]:
-        """Count the operations on numbers by the loops that they are in, outermost first."""
+        """Count the operations on numbers, keyed by the loops around them, outermost first."""
         return self.instructions.count_operations()
 
 

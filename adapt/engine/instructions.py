@@ -1,4 +1,4 @@
-"""The instructions of one function as they are written down: each value computed once, what nothing uses left out."""
+"""List of the instructions of one function: each value is computed once, and unused values are left out."""
 
 import re
 from collections import Counter
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 _COUNTED = ("fadd", "fsub", "fmul", "fdiv", "@llvm.sqrt", "@llvm.maximum", "@llvm.minimum")
-"""What counts as an operation on numbers."""
+"""Instructions that count as operations on numbers."""
 
 _NAME = re.compile(r"%[\w.]+")
 
@@ -25,7 +25,8 @@ _Line = str | _LoopStart | _LoopEnd
 
 
 class InstructionList:
-    """Instructions in order, those of the function's entry apart. A line is ``%name = instruction``, or an effect."""
+    """Instructions in order, with a separate list for the function's entry block. A line is ``%name = instruction``, or
+    an instruction with a side effect."""
 
     def __init__(self) -> None:
         self.entry: list[str] = []
@@ -35,16 +36,16 @@ class InstructionList:
         self._names = 0
 
     def new_name(self) -> str:
-        """Return a name that no value has."""
+        """Return a name that no value has yet."""
         self._names += 1
         return f"%v{self._names}"
 
     def append(self, *lines: str) -> None:
-        """Write lines down as they are."""
+        """Append lines unchanged."""
         self._lines += lines
 
     def compute(self, instruction: str) -> str:
-        """Return the name of the instruction's value; the one of before if it was computed on the way here."""
+        """Return the name of the instruction's value, and reuse a value of this or an enclosing loop."""
         for values in self._available:
             if instruction in values:
                 return values[instruction]
@@ -53,16 +54,17 @@ class InstructionList:
         return name
 
     def insertion_point(self) -> list[str]:
-        """Return a list whose lines will stand here, for what is known only later."""
+        """Return a list whose lines will stand here, for instructions that are known only later."""
         lines: list[str] = []
         self._lines.append(lines)
         return lines
 
     @contextmanager
     def loop(self, name: str) -> Iterator[tuple[str, str]]:
-        """Repeat what is written within; ``enter_if`` takes the labels given and ends what is done before each round.
+        """Repeat the lines written within; ``enter_if`` takes the labels and ends the part that runs before each
+        iteration.
 
-        What is computed within is not available after it.
+        Values computed within are not available after the loop.
         """
         label = f"{name}{self.new_name()[1:]}"
         self.append(f"br label %{label}", f"{label}:")
@@ -75,18 +77,18 @@ class InstructionList:
         self._available.pop()
 
     def enter_if(self, condition: str, labels: tuple[str, str]) -> None:
-        """Start another round of the loop with these labels if the condition holds, or leave the loop."""
+        """Start another iteration of the loop with these labels if the condition holds, or leave the loop."""
         inside, outside = labels
         self.append(f"br i1 {condition}, label %{inside}, label %{outside}", f"{inside}:")
         self._lines.append(_LoopStart(self._loops[-1]))
 
     def live(self) -> list[str]:
-        """Return the lines of all values that some effect depends on, and of the effects."""
+        """Return the lines with side effects, and the lines of all values on which these depend."""
         needed = self._needed()
         return [line for line in self._flat() if isinstance(line, str) and _is_live(line, needed)]
 
     def count_operations(self) -> Counter[tuple[str, ...]]:
-        """Count the live operations on numbers by the loops that they are in, outermost first."""
+        """Count the live operations on numbers, keyed by the loops around them, outermost first."""
         needed, path = self._needed(), []
         operations: Counter[tuple[str, ...]] = Counter()
         for line in self._flat():
@@ -102,7 +104,7 @@ class InstructionList:
         return [part for line in self._lines for part in (line if isinstance(line, list) else [line])]
 
     def _needed(self) -> set[str]:
-        """Return the names that a live line reads: a value is written before it is read."""
+        """Return the names that live lines read, scanning backwards: a value is written before it is read."""
         needed: set[str] = set()
         for line in reversed(self._flat()):
             if isinstance(line, str) and _is_live(line, needed):

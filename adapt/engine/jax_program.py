@@ -1,9 +1,9 @@
-"""A function of JAX as a kernel's text: whatever JAX traces, derivatives by JAX among it, becomes machine code.
+"""Functions of JAX as kernel functions: whatever JAX traces, including its derivatives, becomes machine code.
 
-The function is of one problem. JAX traces it once to a jaxpr; each of its arrays, small and of known shape, is taken
-apart into its numbers, one SIMD value each. What JAX does to whole arrays (slice, transpose, stack, broadcast) is then
-bookkeeping at compile time, and what it adds to or multiplies by constants 0 and 1 is left out. XLA runs the same
-function where there is no machine code, over all problems by ``jax.vmap``.
+The function is for one problem. JAX traces it once to a jaxpr; each array in the jaxpr, small and of known shape, is
+split into its numbers, one SIMD value each. JAX's operations on whole arrays (slice, transpose, stack, broadcast) are
+then bookkeeping at compile time, and additions of a constant 0 and products with a constant 0 or 1 are left out. Where
+there is no machine code, XLA runs the same function over all problems by ``jax.vmap``.
 """
 
 import functools
@@ -20,20 +20,20 @@ from adapt.engine.machine_code import MachineCodeError
 from adapt.engine.simd_values import SimdValue
 
 ClosedJaxpr = Any
-"""JAX's class of that name, of which not every version says that it is public."""
+"""JAX's class of that name, which not every version of JAX declares public."""
 
 Numbers = np.ndarray
-"""An array of SIMD values, or of Python's numbers where the program has constants."""
+"""Array of SIMD values, or of Python numbers where the program has constants."""
 
 
 class UnknownOperationError(MachineCodeError):
-    """JAX does something that is not known here, or not so written: XLA runs such a function."""
+    """Operation of JAX that the compiler does not know, or not in this form; XLA runs such a function."""
 
 
 def per_problem(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Turn a function of one problem into a text: run on arrays with the problems last, or on SIMD values.
+    """Turn a function of one problem into a kernel function, for arrays with the problems last or for SIMD values.
 
-    Arguments and results are trees of arrays; of SIMD values an array is a list of its components, or a single value.
+    Arguments and results are trees of arrays. An array of SIMD values is a list of its components, or a single value.
     """
 
     def text(*trees: Any) -> Any:
@@ -66,7 +66,7 @@ def _first(x: Any) -> Any:
 
 
 def _numbers(x: Any) -> Numbers:
-    """An object array of the values of an argument."""
+    """Return the values of an argument as an object array."""
     array = np.empty(len(x) if isinstance(x, list) else (), object)
     array[...] = x
     return array
@@ -80,7 +80,7 @@ def _constant(x: Any) -> Numbers:
 
 
 def _understood(program: ClosedJaxpr, arguments: Sequence[Numbers]) -> list[Numbers]:
-    """Do the equations of a jaxpr. Raises UnknownOperationError whatever goes wrong: JAX has traced it, XLA can run it.
+    """Evaluate a jaxpr. Raises UnknownOperationError for every failure: JAX has traced the program, so XLA can run it.
 
     A version of JAX may write a known operation otherwise (other parameters, operands of another type).
     """
@@ -93,7 +93,7 @@ def _understood(program: ClosedJaxpr, arguments: Sequence[Numbers]) -> list[Numb
 
 
 def _run(program: ClosedJaxpr, arguments: Sequence[Numbers]) -> list[Numbers]:
-    """Do the equations of a jaxpr one after the other."""
+    """Evaluate the equations of a jaxpr one after the other."""
     jaxpr = program.jaxpr
     known: dict[Any, Numbers] = dict(zip(jaxpr.constvars, map(_constant, program.consts), strict=True))
     known |= zip(jaxpr.invars, arguments, strict=True)
@@ -115,11 +115,13 @@ def _run(program: ClosedJaxpr, arguments: Sequence[Numbers]) -> list[Numbers]:
 
 
 _OF_REALS = ("div", "convert_element_type")
-"""What rounds where its result is whole: SIMD values are numbers of one type."""
+"""Operations that round if their result is an integer; SIMD values cannot round, because all of them are numbers of one
+type."""
 
 
 def _would_round(equation: Any, operands: Sequence[Numbers]) -> bool:
-    """Whether the result is whole and that of SIMD values that may not be."""
+    """Check whether an equation rounds to integers: a division does, and a conversion of SIMD values that may be
+    fractional."""
     (before, *_), after = (atom.aval.dtype for atom in equation.invars), equation.outvars[0].aval.dtype
     if not np.issubdtype(after, np.integer):
         return False
@@ -174,7 +176,7 @@ def _subtract(a: Any, b: Any) -> Any:
 
 def _multiply(a: Any, b: Any) -> Any:
     if _is(a, 0.0) or _is(b, 0.0):
-        return 0.0  # by construction: what stands beside it may not be a number
+        return 0.0  # by construction, even where the other factor is NaN
     return b if _is(a, 1.0) else a if _is(b, 1.0) else a * b
 
 
@@ -191,7 +193,7 @@ def _is(x: Any, value: float) -> bool:
 
 
 def _at_once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of numpy on constants, as IEEE has it: 1 / 0 is infinite, whether or not anybody reads it."""
+    """Wrap a numpy function for constants, by IEEE arithmetic: 1 / 0 is infinite, whether or not the value is used."""
 
     def call(*values: Any) -> Any:
         with np.errstate(all="ignore"):
@@ -201,7 +203,7 @@ def _at_once(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _function(name: str, at_once: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of numpy's namespace, at once for constants; for SIMD values that of the builder, else LLVM's."""
+    """Wrap a function of numpy's namespace: numpy's for constants; for SIMD values the builder's, else LLVM's."""
 
     def call(*values: Any) -> Any:
         builder = _builder_of(*values)
@@ -266,7 +268,8 @@ def _as_truth(x: Any) -> Any:
 
 
 def _as_whole(x: Any) -> Any:
-    """Of numbers that are not constants only those that are whole already."""
+    """Convert to an integer: a mask to 1 or 0; other SIMD values pass unchanged, as only whole ones come here
+    (``_would_round``)."""
     return _as_number(x) if isinstance(x, SimdValue) else int(x)
 
 
@@ -315,7 +318,7 @@ _INNER: dict[str, Callable[[dict[str, Any]], ClosedJaxpr]] = {
     "custom_jvp_call": lambda params: params["call_jaxpr"],
     "custom_vjp_call": lambda params: params["call_jaxpr"],
 }
-"""Equations that hold a jaxpr of their own, done in place."""
+"""Equations that contain a jaxpr, which is evaluated in place."""
 
 
 def _broadcast_in_dim(params: dict[str, Any], x: Numbers) -> Numbers:
@@ -332,7 +335,7 @@ def _slice(params: dict[str, Any], x: Numbers) -> Numbers:
 
 
 def _pad(params: dict[str, Any], x: Numbers, value: Numbers) -> Numbers:
-    """Negative padding, as in the derivative of a padding, takes away."""
+    """Pad an array; negative padding, as in the derivative of a padding, removes elements."""
     configuration = params["padding_config"]
     sizes = zip(x.shape, configuration, strict=True)
     spread = np.empty([n + max(0, n - 1) * inner for n, (_, _, inner) in sizes], object)

@@ -1,11 +1,11 @@
-"""A kernel: one text run on a batch of problems, as machine code of this processor or by XLA.
+"""Kernel: one function run on a batch of problems, as machine code of this processor or by XLA.
 
-The text (such as ``adapt.solvers.newton.subject.iterate``) is called once with the values of
-``adapt.engine.simd_values``; LLVM makes object code of the instructions that it leaves behind, which is kept between
-runs. Threads, one a core, run it over blocks of eight problems, of sixteen in float32. No length is in the code: one
-compilation serves every batch. XLA compiles the same text where there is no machine code because llvmlite is missing or
-fails, or the text asks for an operation of JAX that the compiler does not know: the results agree to rounding, but take
-longer, on a GPU too (docs/research/performance.md). The logger of this module says so, once for each reason.
+The function ``text`` (such as ``adapt.solvers.newton.subject.iterate``) is called once with the values of
+``adapt.engine.simd_values``; LLVM compiles the resulting instructions to object code, which is cached between runs.
+Threads, one per core, run it over blocks of eight problems, of sixteen in float32. The code contains no lengths, so one
+compilation serves every batch. XLA compiles the same function where llvmlite is missing or fails, or where the function
+uses an operation of JAX that the compiler does not know. The results then agree to rounding but take longer, on a GPU
+too (docs/research/performance.md). The logger of this module says so, once per reason.
 """
 
 import ctypes
@@ -27,17 +27,19 @@ from adapt.engine.simd_values import SimdValue, simd_width
 _LOG = logging.getLogger(__name__)
 
 AXES = ("postures", "points")
-"""What there can be several of in a problem."""
+"""Axes that the arrays of a problem may have."""
 
 _BLOCKS_A_TURN = 16
-"""Blocks that a thread takes at a time: few enough that all end together, enough that asking for them is nothing."""
+"""Blocks that a thread takes at a time: few enough that all threads end together, enough that taking them costs
+nothing."""
 
 
 _Arrays = list[np.ndarray]
 
 
 class _ArraySpec:
-    """One array: ``"3 postures"`` is three components of every posture; ``"bool"`` and ``"int"`` say what they are."""
+    """Specification of one array: ``"3 postures"`` is three components of every posture; ``"bool"`` and ``"int"`` are
+    element types."""
 
     def __init__(self, words: str):
         self.rows, self.axis, self.kind = 1, None, float
@@ -51,24 +53,24 @@ class _ArraySpec:
                 self.kind = {"bool": bool, "int": int}[word]
 
     def dtype(self, number: type) -> type:
-        """Return the type of its elements where ``number`` is that of numbers."""
+        """Return the type of the elements, where ``number`` is the type of floating-point numbers."""
         return np.bool_ if self.kind is bool else number
 
     def shape(self, sizes: Sequence[int]) -> tuple[int, ...]:
-        """Return its shape for so many problems, postures and points."""
+        """Return the shape for ``sizes``, the numbers of problems, postures and points."""
         axis = () if self.axis is None else (sizes[self.axis],)
         return ((self.rows,) if self.has_components else ()) + axis + (sizes[0],)
 
 
 class Kernel:
-    """A ``text`` to be compiled. ``inputs`` (one tree an argument) and ``outputs`` are trees of words, see
-    ``_ArraySpec``.
+    """Function ``text`` to be compiled; ``inputs`` (one tree per argument) and ``outputs`` are trees of words
+    (``_ArraySpec``).
 
-    All of it is done in float32 where one of the arrays given is of that type, else in float64.
+    All computations are in float32 where one of the given arrays is float32, else in float64.
     """
 
     def __init__(self, name: str, text: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any, chunk: int):
-        """``chunk``: problems that XLA works on at a time."""
+        """Set up a kernel; ``chunk``: number of problems that XLA works on at a time."""
         self.name, self.text, self.inputs, self.chunk = name, text, inputs, chunk
         self._inputs = [_ArraySpec(words) for words in jax.tree.leaves(inputs)]
         words, self._result = jax.tree.flatten(outputs)
@@ -78,28 +80,31 @@ class Kernel:
         self._left_to_xla: set[type] = set()
 
     def __call__(self, *trees: Any) -> Any:
-        """Run the text on these arrays, problems last; return numpy's arrays."""
-        run = self.by_machine if self._has_machine_code(_number(trees)) else self.by_jax
+        """Run the kernel on arrays with the problems last; return numpy arrays."""
+        run = self.native if self._has_machine_code(_number(trees)) else self.by_jax
         return run(*trees)
 
     def by_jax(self, *trees: Any) -> Any:
-        """Run the text by XLA, on every device that JAX sees."""
+        """Run the kernel by XLA, on every device that JAX sees."""
         number = _number(trees)
         arrays = [
             np.asarray(x, spec.dtype(number)) for x, spec in zip(jax.tree.leaves(trees), self._inputs, strict=True)
         ]
         return in_chunks(self._program, self.chunk, *jax.tree.unflatten(jax.tree.structure(trees), arrays))
 
-    def by_machine(self, *trees: Any) -> Any:
-        """Run the text by machine code, on the cores of this processor. Raises MachineCodeError."""
+    def native(self, *trees: Any) -> Any:
+        """Run the kernel by machine code, on the cores of this processor. Raises MachineCodeError."""
         number = _number(trees)
         arrays, results, sizes = self.laid_out(trees, number, at_least=simd_width(number))
         self._run([*arrays, *results], sizes, number)
         return self.result_of(results, jax.tree.leaves(trees)[0].shape[-1])
 
     def laid_out(self, trees: Any, number: type, at_least: int = 1) -> tuple[_Arrays, _Arrays, list[int]]:
-        """Return the arrays as the compiled text reads them, ``at_least`` so many problems, those that it writes, and
-        the numbers of problems, postures and points."""
+        """Return the arrays that the compiled code reads, the arrays that it writes, and the sizes.
+
+        Arrays of fewer than ``at_least`` problems are padded. The sizes are the numbers of problems, postures and
+        points.
+        """
         arrays = [
             np.ascontiguousarray(x, spec.dtype(number))
             for x, spec in zip(jax.tree.leaves(trees), self._inputs, strict=True)
@@ -110,7 +115,7 @@ class Kernel:
         return arrays, [np.empty(spec.shape(sizes), spec.dtype(number)) for spec in self._outputs], sizes
 
     def result_of(self, results: _Arrays, problems: int) -> Any:
-        """Return what the compiled text wrote, of so many problems, as its tree."""
+        """Return the results of the compiled code for the first ``problems`` problems, as a tree."""
         results = [
             x[..., :problems].astype(int) if spec.kind is int else x[..., :problems]
             for x, spec in zip(results, self._outputs, strict=True)
@@ -118,7 +123,7 @@ class Kernel:
         return jax.tree.unflatten(self._result, results)
 
     def _sizes(self, arrays: Sequence[np.ndarray]) -> list[int]:
-        """Return the numbers of problems, postures and points. Raises ValueError for an array that has others."""
+        """Return the numbers of problems, postures and points. Raises ValueError for an array with other numbers."""
         sizes = [arrays[0].shape[-1], 1, 1]
         for x, spec in zip(arrays, self._inputs, strict=True):
             if spec.axis is not None:
@@ -136,7 +141,7 @@ class Kernel:
 
         def run() -> None:
             scratch = np.empty(rows * max(sizes[1:]) * simd_width(number), number)
-            for first in turns:  # each goes to the thread that asks first
+            for first in turns:  # each turn goes to the thread that asks first
                 function(pointers, lengths, first, min(first + _BLOCKS_A_TURN, blocks), scratch.ctypes.data)
 
         others = min(cores(), -(-blocks // _BLOCKS_A_TURN)) - 1  # this thread works too
@@ -146,7 +151,7 @@ class Kernel:
             one.result()
 
     def _has_machine_code(self, number: type) -> bool:
-        """Tell whether there is machine code for numbers of this type; try once to make it."""
+        """Check whether there is machine code for numbers of this type; try once to compile it."""
         if number not in self._functions and number not in self._left_to_xla:
             try:
                 self._function(number)
@@ -156,7 +161,7 @@ class Kernel:
         return number in self._functions
 
     def _function(self, number: type) -> tuple[Any, int]:
-        """Return the function, and how many numbers a problem and place of an axis it keeps in scratch."""
+        """Return the function, and the count of numbers that it keeps in scratch per problem and place of an axis."""
         if number not in self._functions:
             name = f"{self.name}_{number.__name__}"
             library = link(name, object_code(name, lambda: self.build(number).text()))
@@ -168,7 +173,7 @@ class Kernel:
     def build(
         self, dtype: type = np.float64, make: Callable[..., FunctionBuilder] = FunctionBuilder
     ) -> FunctionBuilder:
-        """Write the text's instructions."""
+        """Write the instructions of the kernel."""
         builder = make(f"{self.name}_{dtype.__name__}", dtype)
         with builder.each_block():
             arguments = []
@@ -184,7 +189,7 @@ class Kernel:
 
 
 def _write_result(builder: FunctionBuilder, number: int, spec: _ArraySpec, result: Any) -> None:
-    """Copy a result to the caller's array of this number."""
+    """Copy a result to the caller's array ``number``."""
     values = list(result) if spec.has_components else [result]
     rows = builder.argument_rows(number, spec.rows, spec.axis, spec.kind is bool)
     length = "1" if spec.axis is None else builder.size(spec.axis)
@@ -195,17 +200,17 @@ def _write_result(builder: FunctionBuilder, number: int, spec: _ArraySpec, resul
 
 @cache
 def _note_fallback(reason: str) -> None:
-    """Say it once."""
+    """Log, once per reason, that XLA runs instead of machine code."""
     _LOG.info("no machine code here, XLA runs the fast paths, more slowly: %s", reason)
 
 
 def _number(trees: Any) -> type:
-    """Return the type of number to work in."""
+    """Return the type of number to compute in."""
     return np.float32 if any(x.dtype == np.float32 for x in jax.tree.leaves(trees)) else np.float64
 
 
 def _padded(x: np.ndarray, problems: int) -> np.ndarray:
-    """Fill a block: repeat the last problem."""
+    """Pad an array to a full block by repeating the last problem."""
     return x.take(np.minimum(np.arange(problems), x.shape[-1] - 1), axis=-1)
 
 

@@ -1,4 +1,5 @@
-"""Object code of this processor from LLVM's text, and functions of this process from object code, by llvmlite."""
+"""Compilation of LLVM IR to object code of this processor, and loading of object code into this process, by
+llvmlite."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,12 +8,12 @@ from typing import Any
 
 
 class MachineCodeError(Exception):
-    """llvmlite is missing, does not know this processor, or cannot compile or link a text for it."""
+    """Error of llvmlite: it is missing, does not know this processor, or cannot compile or link a module for it."""
 
 
 @contextmanager
 def _llvmlite() -> Iterator[Any]:
-    """Import llvmlite's binding; turn whatever goes wrong in it into MachineCodeError."""
+    """Import llvmlite's binding, and turn every error inside the block into MachineCodeError."""
     try:
         import llvmlite.binding as llvm
 
@@ -22,7 +23,7 @@ def _llvmlite() -> Iterator[Any]:
 
 
 def describe_target() -> str:
-    """Return one line for all that object code depends on besides its text: the compiler and the processor."""
+    """Return one line for all that object code depends on besides its IR: the compiler and the processor."""
     with _llvmlite() as llvm:
         import llvmlite
 
@@ -30,7 +31,7 @@ def describe_target() -> str:
 
 
 def emit_object(text: str) -> bytes:
-    """Compile a module to object code of this processor."""
+    """Compile a module, given as LLVM IR, to object code of this processor."""
     with _llvmlite() as llvm:
         module = llvm.parse_assembly(text)
         module.verify()
@@ -38,7 +39,7 @@ def emit_object(text: str) -> bytes:
 
 
 def link(name: str, object_code: bytes) -> Any:
-    """Load object code into this process; return its symbols ``name`` and ``name_rows``, by name."""
+    """Load object code into this process; return the addresses of its symbols ``name`` and ``name_rows``, by name."""
     with _llvmlite() as llvm:
         builder = llvm.JITLibraryBuilder().add_object_img(object_code).add_current_process()
         exported = builder.export_symbol(name).export_symbol(f"{name}_rows")
@@ -47,7 +48,8 @@ def link(name: str, object_code: bytes) -> Any:
 
 
 _LINKED: list[Any] = []
-"""Kept to the end of the process: functions may be running in threads, and LLVM cannot give one of them back alone."""
+"""Loaded libraries, kept to the end of the process: threads may be running their functions, and LLVM cannot unload one
+function alone."""
 
 
 @cache

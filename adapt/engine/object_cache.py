@@ -1,4 +1,4 @@
-"""Object code is kept between runs, in the user's cache folder."""
+"""Cache of object code between runs, in the user's cache folder."""
 
 import hashlib
 from collections.abc import Callable
@@ -18,21 +18,22 @@ _DIGEST = hashlib.sha256
 _ROOT = Path(__file__).parents[2]
 
 _PACKAGES = ("motions", "models", "adapt/engine", "adapt/solvers", "adapt/own_bones")
-"""What compiled texts are made of: the rooms above import these, and not the other way."""
+"""Packages whose source determines the compiled kernels. Packages above them import them, never the reverse."""
 
 
 def machine_folder() -> Path:
-    """Return the folder of the object code."""
+    """Return the folder of the cached object code."""
     return cache_folder() / "machine"
 
 
 def of_this_version(path: Path) -> bool:
-    """Say whether a file of the folder is for this text, JAX, compiler and processor: no other is read again."""
+    """Check whether a cached file is for this source, JAX, compiler and processor; no other file is read again."""
     return path.name.endswith(f"-{_key()}")
 
 
 def object_code(name: str, text: Callable[[], str]) -> bytes:
-    """Return what was kept, or compile the text and keep it. A file that is not as it was written is not used."""
+    """Return the cached object code, or compile ``text()`` and cache the result. A file that does not match its digest
+    is ignored."""
     path = machine_folder() / f"{name}-{_key()}"
     with suppress(OSError):
         content = path.read_bytes()
@@ -40,7 +41,7 @@ def object_code(name: str, text: Callable[[], str]) -> bytes:
         if _DIGEST(made).digest() == digest:
             return made
     made = emit_object(text())
-    with suppress(OSError, InputError):  # a folder that cannot be written to costs the next run this compilation
+    with suppress(OSError, InputError):  # without write access to the folder, the next run compiles again
         path.parent.mkdir(parents=True, exist_ok=True)
         atomic_write_bytes(path, _DIGEST(made).digest() + made)
     return made
@@ -48,15 +49,15 @@ def object_code(name: str, text: Callable[[], str]) -> bytes:
 
 @cache
 def _key() -> str:
-    """Return one word for all that the code depends on: the text of ``_PACKAGES``, JAX, the compiler, the processor.
+    """Return a hash of all that object code depends on: the source of ``_PACKAGES``, JAX, the compiler, the processor.
 
-    JAX's derivatives may differ between its versions in the order of their operations.
+    Versions of JAX may differ in the order of operations of their derivatives.
     """
     return _DIGEST(f"{jax.__version__} {describe_target()}".encode() + source_digest(_ROOT)).hexdigest()[:32]
 
 
 def source_digest(root: Path) -> bytes:
-    """Hash the names and the text of every Python file of the packages below a folder, at any depth."""
+    """Hash the names and contents of all Python files of ``_PACKAGES`` below ``root``, at any depth."""
     digest = _DIGEST()
     for package in _PACKAGES:
         for file in sorted((root / package).rglob("*.py")):

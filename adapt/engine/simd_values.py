@@ -1,4 +1,4 @@
-"""The values of the compiler: a number or a mask a problem in a SIMD register, and a row of numbers in memory."""
+"""Values of the compiler: one number or truth value per problem in a SIMD register, and rows of numbers in memory."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -10,19 +10,20 @@ if TYPE_CHECKING:
     from adapt.engine.function_builder import FunctionBuilder
 
 REGISTER_BYTES = 64
-"""Of AVX-512: eight problems in float64, sixteen in float32; LLVM uses several shorter registers if there is none."""
+"""Size of a register of AVX-512: eight problems in float64, sixteen in float32. Without AVX-512, LLVM uses several
+shorter registers."""
 
 
 def simd_width(dtype: DTypeLike) -> int:
-    """Count the problems that a register holds one number each of."""
+    """Return the number of problems for which one register holds one number each."""
     return REGISTER_BYTES // np.dtype(dtype).itemsize
 
 
 class SimdValue:
-    """A number, or a truth (a mask), of every problem of a block, as an operand of LLVM.
+    """Number or truth value (mask) of every problem of a block, as an operand of LLVM.
 
-    Its arithmetic computes nothing: it adds instructions to its ``FunctionBuilder``, which is also its namespace of
-    numpy's functions (``motions.arrays``).
+    Its arithmetic computes nothing: operators append instructions to the ``FunctionBuilder``, which is also the array
+    namespace of the value (``motions.arrays``).
     """
 
     __slots__ = ("builder", "is_mask", "operand")
@@ -35,7 +36,7 @@ class SimdValue:
 
     @property
     def dtype(self) -> np.dtype:
-        """The type of all numbers of its function."""
+        """Type of all numbers of the function under construction."""
         return self.builder.dtype
 
     def __add__(self, other):
@@ -92,10 +93,10 @@ class SimdValue:
 
 
 class MemoryRow:
-    """One number a problem and place of an axis (a posture, a thorax point) in memory: the caller's array, or scratch.
+    """One number per problem and place of an axis (posture, thorax point), in memory: the caller's array, or scratch.
 
-    ``length`` is the number of places, ``offset_at`` gives the element at which a place begins. A mask of the caller
-    has ``one_byte`` a problem, one in scratch is a number.
+    ``length`` is the number of places; ``offset_at`` returns the element at which a place begins. A mask of the caller
+    has ``one_byte`` per problem, a mask in scratch is a number.
     """
 
     def __init__(
@@ -111,11 +112,11 @@ class MemoryRow:
         self.is_mask, self._one_byte = is_mask, one_byte
 
     def load(self, index: str) -> SimdValue:
-        """Read the place of this index."""
+        """Load the value at the place ``index``."""
         return self.builder.load(self._address(index), self.is_mask, self._one_byte)
 
     def store(self, index: str, value: Any) -> None:
-        """Write the place of this index."""
+        """Store ``value`` at the place ``index``."""
         self.builder.store(self._address(index), self.builder.broadcast(value), self._one_byte)
 
     def _address(self, index: str) -> str:

@@ -1,4 +1,4 @@
-"""Sine and cosine of SIMD values: LLVM has none for registers. Both are right to two units in the last place."""
+"""Sine and cosine of SIMD values, which LLVM lacks for registers, accurate to two units in the last place."""
 
 from decimal import Decimal
 from math import factorial, pi
@@ -11,29 +11,31 @@ from adapt.engine.simd_values import SimdValue
 _HALF_PI = Decimal("1.57079632679489661923132169163975144209858469968755")
 
 _PART_BITS = {8: 32, 4: 12}
-"""By bytes of the number: bits of each of the first parts of pi/2, whose product with a count of quarter turns is exact
-up to 2^20 of them, in float32 up to 2^12."""
+"""Bits of each of the first two parts of pi/2, by bytes per number. The product of a part and a number of quarter turns
+is exact for numbers up to 2^20, in float32 up to 2^12."""
 
 _SERIES = {8: 9, 4: 6}
-"""Terms of sine and cosine on +-pi/4: the first one left out is below 1e-18, in float32 below 2e-10."""
+"""Number of terms of the series of sine and cosine on +-pi/4, by bytes per number. The first omitted term is below
+1e-18, in float32 below 2e-10."""
 
 
 def sine(x: SimdValue) -> SimdValue:
-    """Write down sin(x), x in radians."""
+    """Append the instructions of sin(x), x in radians."""
     sin, cos, quarter = _quarter_turns(x)
     value = x.builder.where((quarter >= 3.0) | ((quarter >= 1.0) & (quarter < 2.0)), cos, sin)
     return x.builder.where(quarter >= 2.0, -value, value)
 
 
 def cosine(x: SimdValue) -> SimdValue:
-    """Write down cos(x), x in radians."""
+    """Append the instructions of cos(x), x in radians."""
     sin, cos, quarter = _quarter_turns(x)
     value = x.builder.where((quarter >= 3.0) | ((quarter >= 1.0) & (quarter < 2.0)), sin, cos)
     return x.builder.where((quarter >= 1.0) & (quarter < 3.0), -value, value)
 
 
 def _quarter_turns(x: SimdValue) -> tuple[SimdValue, SimdValue, SimdValue]:
-    """Give sine and cosine of what is left of x without whole quarter turns, at most pi/4, and how many of four."""
+    """Return sine and cosine of the remainder of x after whole quarter turns (at most pi/4), and the number of turns
+    modulo 4."""
     builder = x.builder
     turns = builder.call_intrinsic("roundeven", x * (2.0 / pi))
     left = x
@@ -48,7 +50,7 @@ def _quarter_turns(x: SimdValue) -> tuple[SimdValue, SimdValue, SimdValue]:
 
 
 def half_pi_parts(number: DTypeLike) -> list[float]:
-    """Return pi/2 as a sum: two parts of few bits, and the rest."""
+    """Return pi/2 as a sum: two parts of few bits, and the remainder."""
     parts, rest = [], _HALF_PI
     for place in range(1, 3):
         scale = Decimal(2) ** (_PART_BITS[dtype(number).itemsize] * place - 1)

@@ -1,1 +1,1 @@
-"""How good an adaptation is: gaps on held-out postures, uncertainty, subjects simulated with a known truth."""
+"""Quality of an adaptation: gaps on held-out postures, uncertainty, subjects simulated with a known truth."""

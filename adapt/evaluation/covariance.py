@@ -1,32 +1,33 @@
-"""How far the adapted parameters may be off: a covariance, and what of it comes from where.
+"""Uncertainty of the adapted parameters: their covariance, and the share of each source.
 
-**Noise model.** Every measured angle is that of the closed chain plus an independent Gaussian error of SD s. The thorax
-points are those of another person, whose ellipsoid theta_0 (min D) differs from this person's theta by a Gaussian of
-covariance Sigma (``PERSON_SD_MM``, or less where the set has points of the person; the conoid has no part in it, as D
-does not depend on it). E = D + w mean(J) is then, but for a factor, the negative logarithm of a likelihood (J) times a
-prior (D): with n points, P postures and all angles measured, -2 log p = 6 P E / (w s^2), so that w says how well the
-points are taken to be known, each to s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14 postures, w = 10: 2.5 mm). As nobody
-chose w for that, its optimum is judged as an estimator instead, whatever w is (a sandwich): with I_D, I_J and B of
-``adapt.evaluation.curvature``
+**Noise model.** Every measured angle is the angle of the closed chain plus an independent Gaussian error of SD s. The
+thorax points are those of another person, whose ellipsoid theta_0 (min D) differs from this person's theta by a
+Gaussian of covariance Sigma (``PERSON_SD_MM``, or less where the set has points of the person; the conoid has no part
+in it, as D does not depend on it). E = D + w mean(J) is then, up to a factor, the negative logarithm of a likelihood
+(J) times a prior (D): with n points, P postures and all angles measured, -2 log p = 6 P E / (w s^2). The weight w
+therefore states how precisely the points are assumed to be known, each to s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14
+postures, w = 10: 2.5 mm). As nobody chose w for this purpose, the optimum is instead judged as an estimator, for any w
+(sandwich estimator): with I_D, I_J and B of ``adapt.evaluation.curvature``
 
     theta^ - theta = -I^-1 (B e + I_D (theta - theta_0)),      e the errors of the angles
     cov = s^2 I^-1 B B' I^-1  +  I^-1 I_D Sigma I_D I^-1       (noise; person)
 
-I = I_D + I_J, the information, is the curvature that E is expected to have: what H has beyond it comes with the
-residuals, whose mean in this model is 0. In one subject they are not, and where the motion hardly holds the ellipsoid
-they leave H a third off or even without an inverse; of simulated subjects the information gives the truer intervals.
+The information I = I_D + I_J is the expected Hessian of E. The rest of the Hessian H comes from the residuals, whose
+mean in this model is 0. In a single subject they are not 0, and where the motion hardly determines the ellipsoid H is
+a third off, or even has no inverse. On simulated subjects the information gives more accurate intervals.
 
 The noise follows from the gap, s^2 = sum of squared gaps / (measured angles - 3 P - tr(I^-1 I_J)): three angles of each
-posture and tr(I^-1 I_J) of the parameters follow the errors. What the model cannot do counts as noise, as if it were
+posture and tr(I^-1 I_J) of the parameters follow the errors. Errors of the model count as noise, as if they were
 independent from posture to posture.
 
-Person and optimum both lie within the bounds, W apart: two places drawn there at random differ by a mean square of
-W^2 / 6. That is known beside cov, and what nothing else holds is held by it:
+Person and optimum both lie within the bounds, W apart: two points drawn there at random differ by W^2 / 6 in the mean
+square. This knowledge is combined with cov, and limits directions that nothing else determines:
 
     (cov^-1 + diag(6 / W^2))^-1 = cov - cov (cov + diag(W^2 / 6))^-1 cov.
 
-A parameter at its bound says nothing: it may be anywhere between its two bounds (mean square W^2 / 3 away, for bounds W
-apart), and the others, held back by it, follow with -I_ff^-1 I_fk. That is a third part of the covariance.
+A parameter at its bound carries no information: it may be anywhere between its two bounds (mean square W^2 / 3 away,
+for bounds W apart), and the other parameters, held back by it, follow with -I_ff^-1 I_fk. This is the third part of the
+covariance.
 """
 
 from dataclasses import dataclass, replace
@@ -42,7 +43,8 @@ from models.adapted_parameters import ADAPTED
 from motions.rotations import DEG
 
 _NARROWEST_MM = 1e-6
-"""A parameter that is held has bounds 0 apart; it has no spread, whatever room it is given."""
+"""Least width of bounds in the computation. A fixed parameter has bounds 0 apart; it has no spread, whatever the
+width."""
 
 NORMAL_95 = 1.959964
 """Half width of a 95 % interval in SDs."""
@@ -50,35 +52,36 @@ NORMAL_95 = 1.959964
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Of adapted parameters, in the order of ``ADAPTED``, mm; NaN where neither motion nor points hold one."""
+    """Uncertainty of adapted parameters, in the order of ``ADAPTED``, mm; NaN where neither motion nor points determine
+    one."""
 
     noise_mm2: Float[np.ndarray, "adapted adapted problems"]
-    """Covariance from the errors of the angles, as if there were no bounds."""
+    """Covariance from the errors of the angles, without regard to bounds."""
     person_mm2: Float[np.ndarray, "adapted adapted problems"]
-    """Covariance from the thorax points being another person's, as if there were no bounds."""
+    """Covariance due to thorax points of another person, without regard to bounds."""
     bound_mm2: Float[np.ndarray, "adapted adapted problems"]
-    """Covariance from parameters that ended at a bound; 0 without any."""
+    """Covariance from parameters that ended at a bound; 0 where there is none."""
     covariance_mm2: Float[np.ndarray, "adapted adapted problems"]
-    """Of theta^ - theta: noise and person as far as the bounds leave room, and what bounds that were met hide."""
+    """Covariance of theta^ - theta: noise and person, reduced to the width of the bounds, plus ``bound_mm2``."""
     points_share: Float[np.ndarray, "adapted problems"]
-    """Of the information that holds a parameter, the others following it, the share that is the thorax points', 0 to 1;
-    the rest is the motion's. NaN at a bound."""
+    """Share of the thorax points in the information on a parameter, 0 to 1, while the other parameters follow it; the
+    rest is the motion's. NaN at a bound."""
     noise_deg: Float[np.ndarray, " problems"]
-    """s, degrees."""
+    """Noise s, degrees."""
     curvature: Curvature
     free: Bool[np.ndarray, "adapted problems"]
     bounded: bool | Bool[np.ndarray, " problems"] = True
-    """Whether the parameters had bounds."""
+    """True where the parameters had bounds."""
 
     @property
     def sd_mm(self) -> Float[np.ndarray, "adapted problems"]:
-        """Square roots of its diagonal."""
+        """Standard deviations: the square roots of the diagonal of ``covariance_mm2``."""
         return sd(self.covariance_mm2)
 
 
 def with_posterior(found: Uncertainty, own: OwnBones) -> Uncertainty:
-    """Put the posterior of own bones, where they were adapted, in the place of the sandwich: one covariance, of noise
-    and people together."""
+    """Replace the sandwich by the posterior of own bones, where these were adapted: one covariance, of noise and people
+    together."""
     count, here = len(ADAPTED), own.code == HERE
     covariance = np.where(here, own.covariance[:count, :count], found.covariance_mm2)
     return replace(
@@ -94,16 +97,16 @@ def with_posterior(found: Uncertainty, own: OwnBones) -> Uncertainty:
 
 
 def sd(covariance: Float[np.ndarray, "n n problems"]) -> Float[np.ndarray, "n problems"]:
-    """Take the square roots of the diagonals of covariances: standard deviations, (n, problems)."""
+    """Compute standard deviations, the square roots of the diagonals of covariances: (n, problems)."""
     return np.sqrt(np.einsum("kkl->kl", covariance))
 
 
 def uncertainty(
     data: Problems, adapted: Adapted, person_sd_mm: Float[np.ndarray, " adapted"] | None = None
 ) -> Uncertainty:
-    """Give the uncertainty of each adaptation of ``data`` by its E = D + W mean(J), mm^2 and deg^2.
+    """Compute the uncertainty of each adaptation of ``data`` by its E = D + W mean(J), mm^2 and deg^2.
 
-    person_sd_mm: square roots of the diagonal of Sigma; by default what the set of each subject knows of them.
+    ``person_sd_mm``: square roots of the diagonal of Sigma; by default those that the set of each subject states.
     """
     curved = curvature(data, adapted)
     free = ~adapted.at_bound
@@ -129,15 +132,15 @@ def uncertainty(
 
 
 def _points_share(inverse, of_points, free) -> Float[np.ndarray, "adapted problems"]:
-    """u' I_D u / u' I u along u = I^-1 e_k, the way the others follow parameter k."""
+    """Compute u' I_D u / u' I u along u = I^-1 e_k, the direction in which the other parameters follow parameter k."""
     along = np.einsum("ikl,ijl,jkl->kl", inverse, of_points, inverse)
     return along / np.where(free, np.einsum("kkl->kl", inverse), np.nan)
 
 
 def within_bounds(covariance, width_mm) -> Float[np.ndarray, "adapted adapted problems"]:
-    """Reduce a covariance as far as bounds of width W leave room: cov - cov (cov + diag(W^2 / 6))^-1 cov.
+    """Reduce a covariance to the width W of the bounds: cov - cov (cov + diag(W^2 / 6))^-1 cov.
 
-    Of parameters without a spread it stays 0.
+    The covariance of parameters without a spread stays 0.
     """
     C = np.moveaxis(covariance, -1, 0)
     room = np.eye(len(width_mm)) * np.maximum(width_mm.T[:, None], _NARROWEST_MM) ** 2 / 6.0
@@ -145,7 +148,8 @@ def within_bounds(covariance, width_mm) -> Float[np.ndarray, "adapted adapted pr
 
 
 def _from_bounds(inverse, information, free, width_mm) -> Float[np.ndarray, "adapted adapted problems"]:
-    """M diag(W^2 / 3) M' over the parameters k at a bound; column k of M is 1 for k itself and -I_ff^-1 I_fk."""
+    """Compute M diag(W^2 / 3) M' over the parameters k at a bound; column k of M: 1 at k, -I_ff^-1 I_fk at free
+    parameters."""
     held = np.where(free, 0.0, width_mm**2 / 3.0)
     follow = np.eye(len(free))[..., None] - np.einsum("ijl,jkl->ikl", inverse, information)
     return np.einsum("ikl,kl,jkl->ijl", follow, held, follow)
@@ -158,7 +162,7 @@ def _sandwich(inverse, middle) -> Float[np.ndarray, "adapted adapted problems"]:
 def reduced_inverse(
     matrix: Float[np.ndarray, "adapted adapted problems"], free: Bool[np.ndarray, "adapted problems"]
 ) -> Float[np.ndarray, "adapted adapted problems"]:
-    """Invert a matrix over the free parameters, 0 for the others; NaN where it is not positive definite."""
+    """Invert a matrix over the free parameters, with 0 for the others; NaN where it is not positive definite."""
     both = free[:, None] & free[None]
     unit = np.eye(len(free))[..., None]
     reduced = np.where(both, matrix, np.where(free[:, None], 0.0, unit))
@@ -173,7 +177,7 @@ def reduced_inverse(
 def _noise_rad(
     data: Problems, adapted: Adapted, followed: Float[np.ndarray, " problems"]
 ) -> Float[np.ndarray, " problems"]:
-    """s; ``followed`` = tr(I^-1 I_J) parameters follow the errors. NaN where no angle is left."""
+    """Estimate s, rad; ``followed`` = tr(I^-1 I_J) parameters follow the errors. NaN without degrees of freedom."""
     counts = np.asarray(data.measured) & np.asarray(data.counted)[None]
     squares = np.where(counts, (adapted.angles - np.asarray(data.angles)) ** 2, 0.0).sum(axis=(0, 1))
     left = counts.sum(axis=(0, 1)) - 3 * np.asarray(data.counted).sum(axis=0) - followed

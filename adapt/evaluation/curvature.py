@@ -1,4 +1,4 @@
-"""How E curves about an adapted girdle, and how the optimum follows each measured angle. Exact second derivatives.
+"""Exact second derivatives of E at an adapted girdle, and derivatives of the optimum by each measured angle.
 
 With the postures eliminated E is a function of theta and of the measured angles s alone. At its optimum
 
@@ -6,12 +6,12 @@ With the postures eliminated E is a function of theta and of the measured angles
     B = d2E/dtheta ds = -(dq/dtheta)' W,      dtheta/ds = -H^-1 B
 
 (implicit function theorem; dE/ds = -W (q - s) gives the second form of B). Without the curvature of distances and
-constraints, which a larger residual makes matter, what is left is information,
+constraints, whose part in H grows with the residuals, the information remains:
 
     I_D = 2 sum_i c_i d'_i d'_i',   I_J = B W^-1 B'    of the thorax points and of the motion,
 
-never negative in any direction. d'_i: derivative in theta of the distance of point i; c_i: its weight in D; W: weights
-of the angles in E.
+both positive semidefinite. d'_i: derivative in theta of the distance of point i; c_i: its weight in D; W: weights of
+the angles in E.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from adapt.solvers.unmeasured import have_weight
 from models.derivatives import chain, closest_point_multipliers
 
 _TOGETHER = 128
-"""Problems at a time: their arrays stay in the cache."""
+"""Number of problems at a time, whose arrays stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -39,25 +39,25 @@ class Curvature:
     """Second derivatives of E (mm^2) at adapted girdles, theta in mm, angles in rad."""
 
     of_points: Float[np.ndarray, "adapted adapted problems"]
-    """H_D."""
+    """Hessian H_D of D."""
     of_motion: Float[np.ndarray, "adapted adapted problems"]
-    """H_J."""
+    """Hessian H_J of w mean(J)."""
     by_angle: Float[np.ndarray, "adapted 6 postures problems"]
-    """B: by parameter, then by measured angle. 0 for padding and for angles not measured."""
+    """Mixed derivatives B, by parameter and by measured angle. 0 for padding and for angles not measured."""
     points_information: Float[np.ndarray, "adapted adapted problems"]
-    """I_D."""
+    """Information I_D of the thorax points."""
     motion_information: Float[np.ndarray, "adapted adapted problems"]
-    """I_J."""
+    """Information I_J of the motion."""
 
 
 def curvature(data: Problems, adapted: Adapted) -> Curvature:
-    """Differentiate E = sum u d^2 + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, each problem's."""
+    """Compute the second derivatives of E = sum u d^2 + W mean(J) (mm^2, deg^2) at the adaptation of each problem."""
     data = replace(data, point_weights=adapted.point_weights)
     problem = subject_problem(data, adapted.weight, float(adapted.landmark_weight.max(initial=0.0)))
     count = adapted.theta_mm.shape[-1]
     given = problem, adapted.theta_mm, adapted.angles, data.active_effects
     places = np.split(np.arange(count), range(_TOGETHER, count, _TOGETHER))
-    with np.errstate(all="ignore"):  # a problem that failed is NaN
+    with np.errstate(all="ignore"):  # a failed problem gives NaN
         parts = [_curvature(*take_problems(given, some)) for some in places]
     return Curvature(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
 
@@ -74,7 +74,7 @@ def _curvature(problem: SubjectProblem, theta, angles, active_effects) -> tuple[
 
 
 def _of_plain_chains(problem: SubjectProblem, theta, angles, _) -> tuple[np.ndarray, np.ndarray]:
-    """H_J, and dq/dtheta of every posture, rad a mm."""
+    """Compute H_J, and dq/dtheta of every posture in rad per mm."""
     q, by_parameter = list(angles), list(theta)
     gradient = [w * (x - s) for w, x, s in zip(problem.weights, q, problem.angles, strict=True)]
     feet, zero = closest_point_multipliers(problem.girdle, q, by_parameter), np.zeros_like(q[0])
@@ -90,14 +90,14 @@ def _of_plain_chains(problem: SubjectProblem, theta, angles, _) -> tuple[np.ndar
 
 
 def _multipliers(G, gradient, zero) -> list[np.ndarray]:
-    """lambda of G' lambda = -W (q - s), which holds at an optimum."""
+    """Compute lambda from G' lambda = -W (q - s), which holds at an optimum."""
     lower, inverse, _ = factorised([[product(G[i], G[j]) for j in range(i + 1)] for i in range(3)], zero)
     right = [-product(row, gradient) for row in G]
     return backward(lower, [x * d for x, d in zip(forward(lower, right), inverse, strict=True)])
 
 
 def _of_points(problem: SubjectProblem, theta) -> tuple[np.ndarray, np.ndarray]:
-    """H_D and I_D."""
+    """Compute H_D and I_D."""
     girdle, points, weights, levels, *_ = problem
     feet = point_multiplier(girdle, list(theta), points)
     sums, _ = thorax_terms(girdle, list(theta), points, weights, levels, feet)

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The gap on postures held out of an adaptation: every subject adapted, and again without each of its folds."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Gaps on held-out postures: every subject is adapted, and adapted again without each of its folds."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,30 +28,31 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 MOST_SUBJECTS = 400
-"""Of whom parts are held out where nobody says of whom: more take longer than their adaptation, and tell no more."""
+"""Default limit on the number of subjects with held-out parts: more take longer than their adaptation, and add no
+information."""
 
 
 def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]:
-    """Sample at most ``most`` subjects, one in so many in the order of the files."""
+    """Sample at most ``most`` subjects, evenly spaced in the order of the files."""
     return frozenset(one_in_so_many(subjects, most))
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """L = models x folds problems; problem = model * folds + fold."""
+    """Adaptations with held-out postures: L = models x folds problems; problem = model * folds + fold."""
 
     folds: tuple[Fold, ...]
     adapted: Adapted
-    """Without the postures held out."""
+    """Adaptations without the held-out postures."""
     gaps_deg: tuple[Float[np.ndarray, "6 tested"], ...]
-    """|simulated - measured| at the postures tested, by problem; NaN where not measured and where a fit failed."""
+    """|simulated - measured| at the tested postures, per problem; NaN where not measured and where a fit failed."""
     data: Problems
-    """Of the folds, with the sizes that were found."""
+    """Problems of the folds, with the subject-level amplitudes that were found."""
     angles: tuple[Float[np.ndarray, "6 tested"], ...]
-    """Simulated at the postures tested, rad; NaN where a fit failed."""
+    """Simulated angles at the tested postures, rad; NaN where a fit failed."""
 
     def of(self, chosen: Int[np.ndarray, " some"]) -> "HeldOut":
-        """Take some problems."""
+        """Select some problems."""
         return HeldOut(
             tuple(self.folds[k % len(self.folds)] for k in chosen),
             take_problems(self.adapted, chosen),
@@ -63,19 +64,19 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class AdaptedSubjects:
-    """Every subject adapted with every model; problem = model * subjects + subject."""
+    """Adaptations of every subject with every model; problem = model * subjects + subject."""
 
     rows: PostureRows
     data: Problems
-    """With the sizes of effects that were found."""
+    """Problems with the subject-level amplitudes that were found."""
     adapted: Adapted
-    """To all postures."""
+    """Adaptations to all postures."""
     held_out: HeldOut
     own_bones: OwnBones | None = None
-    """Sizes of bones and frames of each person's own, where they were adapted."""
+    """Sizes of each person's own bones and frames, where they were adapted."""
 
     def of(self, model: int) -> "AdaptedSubjects":
-        """Take one model, by its number."""
+        """Select one model, by its number."""
         subjects, folds = len(self.rows.subjects), len(self.held_out.folds)
         mine, parts = (slice(model * width, (model + 1) * width) for width in (subjects, folds))
         data = select_problems(self.data, np.arange(mine.start, mine.stop))
@@ -95,10 +96,10 @@ def adapt_with_folds(
     people: People | None = None,
     effects: ActiveEffects | None = None,
 ) -> AdaptedSubjects:
-    """Adapt every model to every subject, and again without what each fold holds out.
+    """Adapt every model to every subject, and again without the rows that each fold holds out.
 
-    The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has own bones, and
-    may have ``effects`` of their own: (channels, postures, subjects and then folds), of one model.
+    The other arguments are those of ``adapt.adapt_subjects``. With ``people`` every person has own bones, and may have
+    ``effects`` of their own: (channels, postures, subjects and then folds), of one model.
     """
     data = problems_of(rows, models)
     if people is not None:
@@ -112,7 +113,7 @@ def adapt_with_folds(
 
 
 def nothing_held_out(data: Problems, adapted: Adapted) -> HeldOut:
-    """Hold nothing out."""
+    """Return a result without folds."""
     return HeldOut((), take_problems(adapted, slice(0)), (), take_problems(data, slice(0)), ())
 
 
@@ -126,7 +127,7 @@ def _with_own_bones(
     people: People,
     effects: ActiveEffects | None,
 ) -> AdaptedSubjects:
-    """The same with own bones; what is held out, with scales that know nothing of the person."""
+    """Adapt with folds and with own bones; held-out parts use scales learnt without the person."""
     progress("own bones")
     several = data.counted.shape[1]
     problem, fitted, tested = _parts(rows, folds, len(models))
@@ -135,7 +136,7 @@ def _with_own_bones(
     if effects is not None:
         parts = replace(parts, active_effects=effects)
     persons = _persons(parts, rows, models, people, every, np.arange(len(every)) >= several)
-    found = own_or_plain(parts, persons, weight)  # at once: of each few are left at last
+    found = own_or_plain(parts, persons, weight)  # one batch: in the end few of either kind still iterate
     own_data, adapted, own = take_problems(found, slice(several))
     part_of, without_parts = take_problems(found[:2], slice(several, None))
     angles = held_out_angles(part_of, without_parts, tested)
@@ -150,7 +151,8 @@ def _persons(
     problem: Int[np.ndarray, " parts"],
     is_part: Bool[np.ndarray, " parts"],
 ) -> Persons:
-    """How the persons of these problems differ; of parts, by what knows nothing of the person."""
+    """Describe the differences between the persons of these problems; held-out parts have scales learnt without the
+    person."""
     everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
     motion = np.tile(rows.packed(rows.motion), len(models))
     spread, unsure = spread_of(models, rows.subjects, people.sds), people.unsure_of(models, rows.subjects)
@@ -169,9 +171,10 @@ def held_out_with_own_bones(
     fold_effects: ActiveEffects,
     weight: float = WEIGHT,
 ) -> HeldOut:
-    """Adapt each fold with bones of the person's own, whether they predict or not, and predict what it holds out.
+    """Adapt each fold with bones of the person's own, whether they predict or not, and predict the held-out postures.
 
-    ``people``: how they differ in each fold. ``fold_effects``: (channels, postures, folds), as ``rows`` has them.
+    ``people``: differences between persons, one per fold. ``fold_effects``: (channels, postures, folds), with the
+    postures of ``rows``.
     """
     data = problems_of(rows, [model])
     problem, fitted, tested = _parts(rows, folds, 1)
@@ -182,7 +185,7 @@ def held_out_with_own_bones(
         part = replace(part, active_effects=fold_effects)
         persons = _persons(part, rows, [model], people[0], which, np.ones(len(which), bool))
         alike = np.array([list(known).index(id(one)) for one in people])
-        kin = which + len(rows.subjects) * alike  # of a person with the same effects
+        kin = which + len(rows.subjects) * alike  # shared by the folds of a person with the same effects
         return own_bones(part, persons._replace(scales=scales, kin=kin), weight)[:2]
 
     return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
@@ -196,9 +199,10 @@ def held_out(
     reading: str = DEFAULT_OBJECTIVE,
     progress: Callable[[str], None] = lambda _: None,
 ) -> HeldOut:
-    """Adapt every problem (model * subjects + subject) of ``data`` anew without what each of its folds holds out.
+    """Adapt every problem (model * subjects + subject) of ``data`` again without the rows that each of its folds holds
+    out.
 
-    At least one fold.
+    ``folds`` must not be empty.
     """
 
     def adapt(part: Problems, _) -> tuple[Problems, Adapted]:
@@ -226,7 +230,7 @@ def _as_held_out(
 
 
 def _parts(rows: PostureRows, folds: Sequence[Fold], models: int) -> tuple[Int[np.ndarray, " parts"], Places, Places]:
-    """Which problem each fold of each model is of, and the postures that are fitted and tested."""
+    """Return the problem of each fold of each model, and the postures that are fitted and tested."""
     of_fold = np.array([fold.subject for fold in folds], int)
     problem = (len(rows.subjects) * np.arange(models)[:, None] + of_fold).ravel()
     fitted, tested = (
@@ -236,7 +240,7 @@ def _parts(rows: PostureRows, folds: Sequence[Fold], models: int) -> tuple[Int[n
 
 
 def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:
-    """Where the rows of each part are among the postures of its subject."""
+    """Mark the rows of each part among the postures of its subject."""
     place = rows.posture
     found = np.zeros((len(rows.counted), len(parts)), bool)
     for k, part in enumerate(parts):
@@ -245,7 +249,7 @@ def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, 
 
 
 def gaps_deg(motions: Motions, fitted: PostureSolution) -> Float[np.ndarray, "6 rows"]:
-    """Compute |simulated - measured| of fits of all rows, degrees; NaN where not measured and where the fit failed."""
+    """Compute |simulated - measured| for fits of all rows, degrees; NaN where not measured and where the fit failed."""
     return np.where(fitted.status == status.OK, np.abs(fitted.angles * DEG - motions.angles_deg.T), np.nan)
 
 
@@ -255,10 +259,11 @@ def heldout_table(
     found: HeldOut,
     seen_deg: Mapping[str, Sequence[Float[np.ndarray, "6 rows"]]],
 ) -> pd.DataFrame:
-    """Tabulate ``heldout.csv``: one row per model, subject and part held out.
+    """Tabulate ``heldout.csv``: one row per model, subject and held-out part.
 
-    Gaps are mean |simulated - measured|, degrees. All are of the postures held out: before adaptation, adapted to
-    everything (in_sample) and without them (`unseen`). ``seen_deg``: the first two, by model, of all rows.
+    Gaps are mean |simulated - measured| over the held-out postures, degrees: before adaptation, adapted to all postures
+    (in_sample) and adapted without the held-out ones (`unseen`). ``seen_deg``: the gaps of the first two, by model, at
+    all rows.
     """
     rows, words = [], found.adapted.status
     for m, model in enumerate(models):
@@ -277,6 +282,6 @@ def heldout_table(
 
 
 def mean_of(gaps_deg: Float[np.ndarray, "..."]) -> float:
-    """Average the gaps that are there, degrees; NaN where there is none."""
+    """Average the finite gaps, degrees; NaN where there is none."""
     known = gaps_deg[np.isfinite(gaps_deg)]
     return float(known.mean()) if known.size else float("nan")

@@ -1,6 +1,6 @@
 """Subjects simulated by the model itself, with one unmodelled effect active: ground truth for fits and diagnosis.
 
-Every result of this module is simulated, and says so.
+Every result of this module is simulated, and is labelled so.
 """
 
 from dataclasses import dataclass, replace
@@ -22,12 +22,12 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 AMPLITUDE_SPREAD = 0.25
-"""Between-subject SD of an amplitude, as a share of the common one."""
+"""SD of an amplitude between subjects, as a share of the population amplitude."""
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """Motions with noise, and what made them: one row a subject."""
+    """Motions with noise, and the true parameters and amplitudes behind them, one row per subject."""
 
     motions: Motions
     truth: pd.DataFrame
@@ -42,13 +42,14 @@ def simulate_model_subjects(
     size: float = 1.0,
     spread: float = 1.0,
 ) -> Simulated:
-    """Simulate subjects whose girdle is the model with parameters of their own and, if given, an effect active.
+    """Simulate subjects whose girdle is the model with parameters of their own and, if given, an active effect.
 
-    Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
-    effect is ``size`` times its prior's SD (or its mean, where that is not 0) in each of its directions, without bends,
-    with signs common to all subjects (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them.
-    Parameters differ by ``spread`` times PERSON_SD_MM. A posture that its chain cannot take is left out.
-    Raises ValueError for an effect of one's own that does nothing, or something at amplitude 0.
+    Each subject moves as close to the published rhythm as its chain allows (posture fit); noise is added. The amplitude
+    of the effect is ``size`` times its prior's SD (or its mean, where the mean is not 0) in each of its directions,
+    without bending terms of the basis. Its signs are the same for all subjects (those of the prior, else drawn), and
+    amplitudes differ by ``AMPLITUDE_SPREAD`` between subjects. Parameters differ by ``spread`` times PERSON_SD_MM.
+    Postures that the chain cannot take are left out. Raises ValueError for a user's own effect that does nothing, or
+    something at amplitude 0.
     """
     check_own_effects(() if effect is None else (effect,), model.girdle)
     generator = Generator(PCG64(seed))

@@ -1,9 +1,9 @@
-"""Bones of each person's own or, where they do not predict the person's own motions, the plain adaptation.
+"""Own bones of each person or, where they do not predict the person's own motions, the plain adaptation.
 
-A girdle that is far from the set for what its motions tell of it may stand for what no chain does. Such a person is
-adapted both ways without each motion (of a single one, each third of the postures), and the plain adaptation is kept
-where it predicts what was left out better, or the bones predict it far worse than their own noise says. So it is where
-the search of the bones has not converged.
+A girdle that is far from the set, relative to what its motions determine, may compensate for something that no chain
+can represent. Such a person is adapted both ways without each motion (with a single motion, without each third of the
+postures). The plain adaptation is kept where it predicts the held-out postures better, or where own bones predict them
+far worse than their noise implies. It is also kept where the search for own bones has not converged.
 """
 
 from collections.abc import Sequence
@@ -30,40 +30,40 @@ from models.adapted_parameters import ADAPTED
 from models.person.own_bones import Spread
 
 DOUBTFUL_SDS = 2.5
-"""Distance from the set beyond which a person's bones have to predict: what ``far_from_people`` says of a single size.
-Of six bone-pin shoulders with six sets, each without each motion, 38 of 138 are beyond it; all predict better
-than plain."""
+"""Distance from the set, in SDs, beyond which own bones are tested for their predictions; ``far_from_people`` has the
+same limit for a single size. Six bone-pin shoulders with six sets, each without each motion, are 138 cases; 38 are
+beyond the limit, and all 38 predict better with own bones."""
 
 SURPRISED = 7.0
-"""Times the noise of a part: the root mean square gap on what was left out of it, beyond which its bones are refuted,
-even where the plain adaptation is worse. Those 38 have 1.1 to 6.3."""
+"""Limit of the root mean square gap on held-out postures, in multiples of the noise of the part. Beyond it own bones
+are rejected, even where the plain adaptation is worse. The 38 cases of ``DOUBTFUL_SDS`` have 1.1 to 6.3."""
 
 _THIRDS = 3
 
 
 class Persons(NamedTuple):
-    """How the persons of some problems differ."""
+    """Differences between the persons of some problems: the prior of their adaptations."""
 
     spread: Spread
     scales: Sequence[Scales]
     own_noise: bool
-    """The noise of each is learnt, alone."""
+    """True where only the noise is learnt, from each person alone."""
     motion: Int[np.ndarray, "postures problems"]
-    """The number of the motion of each posture."""
+    """Number of the motion of each posture."""
     unsure: Unsure
     kin: Int[np.ndarray, " problems"]
-    """A number that problems with other postures of the same person share."""
+    """Number that problems with other postures of the same person share."""
 
     def at(self, problem: Int[np.ndarray, " some"]) -> "Persons":
-        """Take some of the problems, any as often as wanted."""
+        """Select some of the problems, each as often as wanted."""
         scales = [self.scales[k] for k in problem.tolist()]
         spread, unsure = take_problems((self.spread, self.unsure), problem)
         return Persons(spread, scales, self.own_noise, self.motion[:, problem], unsure, self.kin[problem])
 
 
 def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
-    """Adapt own bones, or keep the plain adaptation: the problems with their girdles, the adaptations
-    and the sizes."""
+    """Adapt own bones, or keep the plain adaptation; return the problems with their girdles, the adaptations and the
+    sizes."""
     own_data, adapted, own = own_bones(data, persons, weight)
     failed = adapted.status == status.NOT_CONVERGED
     doubtful = np.flatnonzero((adapted.status == status.OK) & (own.distance > DOUBTFUL_SDS))
@@ -81,13 +81,13 @@ def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Probl
 
 
 def own_bones(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
-    """Adapt own bones, with the noise of each where persons are few."""
+    """Adapt own bones, with the noise of each person where persons are few."""
     scales = with_own_noise(data, persons.spread) if persons.own_noise else persons.scales
     return adapt_own_bones(data, persons.spread, scales, weight, persons.unsure, persons.kin)
 
 
 def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:
-    """The set's bones, with the six of the plain adaptation; of no size an SD."""
+    """Return the set's bones with the six parameters of the plain adaptation; the SDs of all sizes are NaN."""
     sizes = np.zeros_like(own.sizes)
     sizes[: len(ADAPTED)] = plain.theta_mm - np.asarray(data.girdle.adapted_mm)
     none = {"covariance": np.full_like(own.covariance, np.nan), "told": np.full_like(own.told, np.nan)}
@@ -95,7 +95,8 @@ def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:
 
 
 def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.ndarray, " problems"]:
-    """Whose parts their bones predict worse than the plain adaptation, or far worse than their own noise says."""
+    """Find the problems whose held-out parts own bones predict worse than the plain adaptation, or far worse than their
+    noise implies."""
     count = data.counted.shape[1]
     problem, fitted, tested = _parts(np.asarray(data.counted), persons.motion)
     if not len(problem):
@@ -103,7 +104,7 @@ def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.
     part_of, adapted, own = own_bones(select_problems(data, problem, counted=fitted), persons.at(problem), weight)
     gaps = gaps_of(part_of, held_out_angles(part_of, adapted, tested))
     plain, _, angles = predicted(data, problem, fitted, tested, lambda part, _: (part, adapt_batch(part, weight)))
-    more = np.nansum(gaps - gaps_of(plain, angles), axis=(0, 1))  # NaN where one of the two does not predict
+    more = np.nansum(gaps - gaps_of(plain, angles), axis=(0, 1))  # NaN where either adaptation does not predict
     known = np.isfinite(gaps).sum(axis=(0, 1))
     square = np.where(known > 0, np.nansum(gaps**2, axis=(0, 1)) / np.maximum(known, 1) / own.scales[-1] ** 2, np.inf)
     surprise = np.sqrt(np.bincount(problem, square, count) / np.maximum(np.bincount(problem, minlength=count), 1))
@@ -111,8 +112,8 @@ def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.
 
 
 def _parts(counted: Places, motion: Int[np.ndarray, "postures problems"]) -> tuple[np.ndarray, Places, Places]:
-    """Leave each motion of each problem out, of a single one each third: the problem of each part, the postures that
-    are left and those left out."""
+    """Hold out each motion of each problem in turn, or each third of a single motion; return the problem of each part,
+    the remaining postures and the held-out ones."""
     problem, tested = [], []
     for k, mine in enumerate(counted.T):
         label = motion[:, k]

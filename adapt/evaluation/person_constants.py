@@ -1,13 +1,13 @@
-"""The constants of each person that positions of landmarks tell: where SC is, AC in the clavicle, TS, AI, AA in the
-scapula.
+"""Constants of each person that positions of landmarks determine: places of SC, AC, TS, AI and AA in their bones.
 
-A simulated posture has the position of every landmark but for what is the person's own x (``OwnPlaces`` of
-``models.person.positions.landmark_positions``, 15 numbers), in which it is linear:
+The person's own constants x (``OwnPlaces`` of ``models.person.positions.landmark_positions``, 15 numbers) are the
+places of SC in the thorax, of AC in the clavicle, and of TS, AI and AA in the scapula. The position p of a landmark in
+a simulated posture is linear in x:
 
     p = p_0 + H x,    x ~ N(0, P),    measured - p ~ N(0, s^2)
 
-P is how persons differ about the parameter set (``models.person.own_bones``; of AA, which no set has, some 30 mm about
-AC). Cells that were not measured have no row in H.
+P is the covariance of persons about the parameter set (``models.person.own_bones``; AA, which no set has, differs by
+some 30 mm about AC). Cells that were not measured have no row in H.
 """
 
 from collections.abc import Mapping
@@ -26,12 +26,13 @@ from models.person.positions.landmark_positions import ON_SCAPULA, POSITIONS, Bo
 from models.person.positions.measured_movement import AA_SD_MM, POSITION_SD_MM
 
 _OF_SET = ("sc_mm", "ac_mm", "ts_mm", "ai_mm")
-"""The numbers of a girdle that the constants are about, in the order of POSITIONS."""
+"""Numbers of a girdle to which the constants are added, in the order of POSITIONS."""
 
 _COUNT = 3 * len(POSITIONS)
 
 _NOT_TOLD = 0.5
-"""Share of its prior SD from which a constant is not told: three quarters of the variance."""
+"""Ratio of posterior to prior SD above which a constant is undetermined: positions must take away three quarters of the
+variance."""
 
 Places = Mapping[str, Float[np.ndarray, "3 rows"]]
 
@@ -39,28 +40,29 @@ Places = Mapping[str, Float[np.ndarray, "3 rows"]]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Chains:
-    """Simulated postures of some problems, each of them of one subject."""
+    """Simulated postures of some problems, with one subject per problem."""
 
     poses: BonePoses
-    """(component, n); NaN where a fit failed."""
+    """Poses of the bones, (component, n); NaN where a fit failed."""
     row: Int[np.ndarray, " n"]
-    """Of the motions."""
+    """Row of each posture in the motions."""
     problem: Int[np.ndarray, " n"]
     fitted: Bool[np.ndarray, " n"]
-    """What the constants are fitted to."""
+    """True where the constants are fitted to the posture."""
     tested: Bool[np.ndarray, " n"]
-    """What is then predicted."""
+    """True where the posture is then predicted."""
 
 
 class Constants(NamedTuple):
-    """Of each problem, three numbers a landmark in the order of POSITIONS."""
+    """Constants of each problem, three numbers per landmark in the order of POSITIONS."""
 
     mean_mm: Float[np.ndarray, "numbers problems"]
     covariance: Float[np.ndarray, "numbers numbers problems"]
 
 
 def columns_of(model: AnyModel, subjects: tuple[str, ...]) -> Float[np.ndarray, "numbers sizes subjects"]:
-    """Compute what one SD of each size of a person adds to the constants: ``SIZES``, and then AA along three axes."""
+    """Compute the change of the constants by one SD of each size of a person: ``SIZES``, and then AA along three
+    axes."""
     columns = spread_of([model], subjects).columns_mm
     of_set = np.concatenate([columns[NUMBERS[name]] for name in _OF_SET])
     found = np.zeros((_COUNT, of_set.shape[1] + 3, len(subjects)))
@@ -70,7 +72,7 @@ def columns_of(model: AnyModel, subjects: tuple[str, ...]) -> Float[np.ndarray, 
 
 
 def prior_of(model: AnyModel, subjects: tuple[str, ...]) -> Float[np.ndarray, "numbers numbers subjects"]:
-    """Compute the covariance P of every subject, mm^2."""
+    """Compute the prior covariance P of every subject, mm^2."""
     columns = columns_of(model, subjects)
     return np.einsum("iks,jks->ijs", columns, columns)
 
@@ -93,7 +95,8 @@ def constants_of(
 
 
 def place_slopes(poses: BonePoses, name: str) -> Float[np.ndarray, "3 numbers n"]:
-    """Compute dp/dx of a landmark: what SC does to all, AC to all but SC, and its own."""
+    """Compute dp/dx of a landmark: constants of SC move every landmark, constants of AC every one but SC, all others
+    their own."""
     H = np.zeros((3, _COUNT, poses.SC_mm.shape[1]))
     H[:, :3] = np.eye(3)[..., None]
     if name != "SC":
@@ -105,8 +108,8 @@ def place_slopes(poses: BonePoses, name: str) -> Float[np.ndarray, "3 numbers n"
 
 
 def with_constants_mm(chains: Chains, constants: Constants, measured_mm: Places) -> dict[str, np.ndarray]:
-    """Compute where the landmarks of every posture are with the constants of its problem; AA where it was measured of
-    the problem's subject."""
+    """Compute the positions of the landmarks of every posture with the constants of its problem; AA is NaN unless a
+    fitted posture of the problem has it measured."""
     mine = constants.mean_mm[:, chains.problem]
     found = positions_mm(chains.poses, dict(zip(POSITIONS, np.split(mine, len(POSITIONS)), strict=True)))
     seen = np.zeros(constants.mean_mm.shape[1], bool)
@@ -120,7 +123,7 @@ def with_constants_mm(chains: Chains, constants: Constants, measured_mm: Places)
 def distances_mm(
     chains: Chains, measured_mm: Places, prior: Float[np.ndarray, "numbers numbers problems"]
 ) -> dict[str, Float[np.ndarray, " n"]]:
-    """Compute by landmark how far the measured positions of what is tested are from where they are predicted."""
+    """Compute, by landmark, the distances between measured and predicted positions in the tested postures."""
     found = with_constants_mm(chains, constants_of(chains, measured_mm, prior), measured_mm)
     return {
         name: np.where(chains.tested, np.linalg.norm(measured_mm[name][:, chains.row] - place, axis=0), np.nan)
@@ -130,7 +133,7 @@ def distances_mm(
 
 
 def root_mean_square_mm(distances: Mapping[str, Float[np.ndarray, " n"]]) -> float:
-    """Average over landmarks and postures, where they are known; NaN where none is."""
+    """Compute the root mean square over landmarks and postures with a distance; NaN where there is none."""
     every = np.concatenate([np.zeros(0), *distances.values()])
     known = every[np.isfinite(every)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
@@ -139,10 +142,10 @@ def root_mean_square_mm(distances: Mapping[str, Float[np.ndarray, " n"]]) -> flo
 def not_told(
     constants: Constants, prior: Float[np.ndarray, "numbers numbers problems"], measured_mm: Places
 ) -> tuple[str, ...]:
-    """Name the constants that the positions tell of no problem, beside those of landmarks that were not measured.
+    """Name the constants that the positions determine in no problem, except places of landmarks that were not measured.
 
-    So SC along with AA where only AA was measured, or a place in the scapula where that hardly turned against the
-    clavicle.
+    Examples: SC and AA where only AA was measured, or a place in the scapula where the scapula hardly turned against
+    the clavicle.
     """
     involved = [name for name in POSITIONS if name in measured_mm or name in ("SC", "AC")]
     found = []

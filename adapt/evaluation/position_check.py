@@ -1,4 +1,4 @@
-"""Simulated positions of landmarks, and how far they are from measured ones that are in no fit."""
+"""Simulated positions of landmarks, and their distances from measured positions that no fit uses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,52 +29,52 @@ from models.person.positions.landmark_positions import POSITIONS, BonePoses, bon
 
 @dataclass(frozen=True)
 class Judge:
-    """The measured positions of subjects, and how the constants of the persons differ about one model."""
+    """Measured positions of subjects, and the prior of the persons' constants about one model."""
 
     subjects: tuple[str, ...]
     measured_mm: Places
-    """Of the landmarks whose positions a girdle has; thorax frame, NaN where not measured."""
+    """Measured positions of the landmarks that a girdle has; thorax frame, NaN where not measured."""
     prior: Float[np.ndarray, "numbers numbers subjects"]
 
     @staticmethod
     def of(model: AnyModel, rows: PostureRows) -> "Judge":
-        """Judge a model by the landmarks of these rows."""
+        """Set up the judge of a model, with the landmarks of these rows."""
         measured = {name: place for name, place in rows.landmarks_mm.items() if name in POSITIONS}
         seen = {name: place for name, place in measured.items() if np.isfinite(place).any()}
         return Judge(rows.subjects, seen, prior_of(model, rows.subjects))
 
     def simulated_mm(self, chains: Chains) -> dict[str, Float[np.ndarray, "3 n"]]:
-        """Compute where the landmarks are with each subject's constants, fitted to all its postures."""
+        """Compute the positions of the landmarks with each subject's constants, fitted to all its postures."""
         return with_constants_mm(chains, constants_of(chains, self.measured_mm, self.prior), self.measured_mm)
 
     def not_told(self, chains: Chains) -> tuple[str, ...]:
-        """Name the constants that the positions do not tell."""
+        """Name the constants that the positions do not determine."""
         return not_told(constants_of(chains, self.measured_mm, self.prior), self.prior, self.measured_mm)
 
     def gap_mm(self, chains: Chains, folds: Sequence[Fold] = ()) -> float:
-        """Compute the root mean square distance over landmarks and postures that are tested, mm; NaN without any.
+        """Compute the root mean square distance over tested landmarks and postures, mm; NaN where there is none.
 
-        ``folds``: whose problems these are; without, each subject is one.
+        ``folds``: the fold of each problem; without folds, each subject is a problem.
         """
         prior = self.prior[..., [fold.subject for fold in folds]] if folds else self.prior
         return root_mean_square_mm(distances_mm(chains, self.measured_mm, prior))
 
 
 def as_they_are(model: AnyModel, rows: PostureRows, fitted: PostureSolution) -> Chains:
-    """Lay out the postures of the model without adaptation: a problem for each subject."""
+    """Lay out the postures of the model without adaptation: one problem per subject."""
     girdle = girdles_of(model, [rows.subjects[k] for k in rows.subject.tolist()])
     angles = np.where(fitted.status == status.OK, fitted.angles, np.nan)
     return _in_sample(_poses(rows.active_effects.on(girdle), angles), rows.subject)
 
 
 def in_folds(chains: Chains, folds: Sequence[Fold]) -> Chains:
-    """Lay out postures that do not depend on what is held out, for constants that do: a problem for each fold."""
+    """Lay out postures that do not depend on the held-out part, for constants that do: one problem per fold."""
     row, problem, tested = _of_folds(folds)
     return Chains(take_problems(chains.poses, row), row, problem, ~tested, tested)
 
 
 def adapted_to_all(found: AdaptedSubjects) -> Chains:
-    """Lay out the postures of subjects adapted with one model: a problem for each subject."""
+    """Lay out the postures of subjects adapted with one model: one problem per subject."""
     rows, adapted = found.rows, found.adapted
     posture = rows.posture
     angles = np.where(adapted.status == status.OK, adapted.angles, np.nan)[:, posture, rows.subject]
@@ -83,8 +83,8 @@ def adapted_to_all(found: AdaptedSubjects) -> Chains:
 
 
 def adapted_to_folds(rows: PostureRows, held_out: HeldOut) -> Chains:
-    """Lay out the postures of subjects adapted without what is held out, and those simulated of what is: a problem for
-    each fold."""
+    """Lay out the postures of subjects adapted without the held-out part, and the simulated postures of that part: one
+    problem per fold."""
     row, problem, tested = _of_folds(held_out.folds)
     posture, adapted = rows.posture[row], held_out.adapted
     angles = np.where(adapted.status == status.OK, adapted.angles, np.nan)[:, posture, problem]
@@ -94,7 +94,7 @@ def adapted_to_folds(rows: PostureRows, held_out: HeldOut) -> Chains:
 
 
 def of_motions(held_out: HeldOut) -> HeldOut:
-    """Take the folds that hold out a kind of motion, of one model."""
+    """Select the folds of one model that hold out a kind of motion."""
     chosen = np.flatnonzero([fold.kind == MOTION for fold in held_out.folds])
     return held_out.of(chosen)
 
@@ -111,7 +111,8 @@ def _in_sample(poses: BonePoses, subject: Int[np.ndarray, " rows"]) -> Chains:
 def _of_folds(
     folds: Sequence[Fold],
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Rows, problems and which are tested: what is fitted of all folds, then what is tested."""
+    """Return rows, problems and the mask of tested postures: first the fitted rows of all folds, then the tested
+    ones."""
     parts = [(fold.fitted, k, False) for k, fold in enumerate(folds)]
     parts += [(fold.tested, k, True) for k, fold in enumerate(folds)]
     counts = [len(rows) for rows, _, _ in parts]

@@ -1,4 +1,4 @@
-"""The gaps on postures that are held out of an adaptation."""
+"""Predictions of postures that are held out of an adaptation, and their gaps."""
 
 from collections.abc import Callable
 
@@ -12,27 +12,28 @@ from adapt.solvers.problems import Problems, select_problems
 from motions.rotations import DEG
 
 Adapt = Callable[[Problems, Int[np.ndarray, " parts"]], tuple[Problems, Adapted]]
-"""Adapts parts of problems, given which problem each is of: the parts with what was found of effects and bones, and the
-adaptations."""
+"""Function that adapts parts of problems, given the problem of each part. It returns the parts, with the effects and
+bones that were found, and the adaptations."""
 
 Places = Bool[np.ndarray, "postures parts"]
-"""Some postures of each part."""
+"""Mask of some postures of each part."""
 
 
 HeldOutAngles = Float[np.ndarray, "6 postures parts"]
-"""Of the postures tested; NaN elsewhere, and where a fit failed."""
+"""Angles (rad) or gaps (degrees) at the tested postures; NaN elsewhere, and where a fit failed."""
 
 
 def predicted(
     data: Problems, problem: Int[np.ndarray, " parts"], fitted: Places, tested: Places, adapt: Adapt
 ) -> tuple[Problems, Adapted, HeldOutAngles]:
-    """Adapt parts of problems to some of their postures, and predict others: the parts, adapted, and angles in rad."""
+    """Adapt parts of problems to some of their postures, and predict others; return the parts, the adaptations and the
+    angles in rad."""
     part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
     return part_of, without, held_out_angles(part_of, without, tested)
 
 
 def held_out_angles(data: Problems, adapted: Adapted, tested: Places) -> HeldOutAngles:
-    """Simulate the postures tested of adapted parts, rad."""
+    """Simulate the tested postures of adapted parts, rad."""
     posture, problem = np.nonzero(tested & (adapted.status == status.OK))
     result = np.full((6, *tested.shape), np.nan)
     if not len(problem):  # every adaptation failed

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The adapted girdles as parameter sets that ``--model`` takes back: one TOML file a model and subject."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Adapted girdles as parameter sets that ``--model`` accepts: one TOML file per model and subject."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ from models.person.own_bones import NO_SDS, SIZES, with_own_sizes
 from motions.files import file_names, printable
 
 FOLDER = "models"
-"""Below the folder of the results."""
+"""Name of the folder below the results."""
 
 _KEY_OF = {
     f"{section}.{field}": tuple(one.name for one in ADAPTED_PARAMETERS if one.field == field)
@@ -34,23 +34,23 @@ _KEY_OF = {
         ("constraint", "conoid_length_mm"),
     )
 }
-"""The numbers of a parameter set that an adaptation changes, and which parameters they hold."""
+"""Keys of a parameter set that an adaptation changes, and the adapted parameters in each."""
 
 
 OWN_BONES = "own bones"
-"""What the [source] lines call them; where they were not taken, these say "plain"."""
+"""Words for own bones in the [source] lines; where the plain adaptation was kept, the lines say "plain"."""
 
 _OWN_KEYS = (
     *("clavicle.sc_mm", "clavicle.length_mm", "clavicle.ac_mm", "clavicle.conoid_mm", "scapula.ts_mm"),
     *("scapula.ai_mm", "scapula.conoid_mm", "constraint.ts_distance_mm", "constraint.ai_distance_mm"),
 )
-"""Those that bones of the person's own change beside."""
+"""Keys of a parameter set that own bones change in addition."""
 
 
 def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: pd.DataFrame, how: str) -> None:
     """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``.
 
-    how: the options of the adaptation, for the [source] lines. The folder is one of
+    ``how``: the options of the adaptation, for the [source] lines. ``folder`` comes from
     ``adapt.output.run_files.transaction``.
     """
     prepare_folder(folder / FOLDER)
@@ -65,11 +65,11 @@ def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: p
         is_own = OWN_WORD in parameters and parameters[OWN_WORD].iloc[number] == WORDS[HERE]
         sizes, why = (own.iloc[number].to_dict(), how) if is_own else ({}, how.replace(OWN_BONES, "plain"))
         text = adapted_toml(of_name[model], subject, theta_mm[number], flags, why, sizes)
-        path.write_bytes(text.encode())  # not each whole or not at all: the folder is
+        path.write_bytes(text.encode())  # no atomic write: the folder is published as a whole
 
 
 def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, str, Path]]:
-    """Model, subject, status and file of each row."""
+    """Yield model, subject, status and file of each row."""
     names = file_names((parameters["model"] + "_" + parameters["subject"]).tolist())
     rows = parameters[["model", "subject", "status"]].itertuples(index=False)
     for name, (model, subject, word) in zip(names, rows, strict=True):
@@ -86,11 +86,11 @@ def adapted_toml(
 ) -> str:
     """Format the parameter set of one subject as the text of a TOML file.
 
-    Numbers that were not adapted keep the source that they have in the model. ``own_sizes``: of bones and frames of the
-    person's own (``OwnSize.key``).
+    Numbers that were not adapted keep the source that they have in the model. ``own_sizes``: sizes of the person's own
+    bones and frames (``OwnSize.key``).
     """
     model = family.of(subject)
-    own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of jax would take longer than the adaptation did
+    own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of JAX would take longer than the adaptation
     girdle = (with_own_sizes(own, own_sizes) if own_sizes else own).with_adapted(theta_mm)
     source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
     for key in _OWN_KEYS if own_sizes else ():
@@ -103,13 +103,14 @@ def adapted_toml(
         f"{model.name} adapted to {subject}.\n"
         "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
     )
-    comment = printable(comment)  # TOML allows no control characters in one
+    comment = printable(comment)  # TOML allows no control characters in a comment
     name = f"{family.name}_{subject}"
     return parameters_toml(name, comment, girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own))
 
 
 def _own_bounds(upper_mm: Float[np.ndarray, " adapted"], own: Girdle) -> dict[str, float] | None:
-    """The half widths of a model that has its own: upper bound less own value, as a lower one may be cut at 1 mm."""
+    """Return the half widths of a model with its own bounds, else None: upper bound minus own value, as a lower bound
+    may be cut at 1 mm."""
     widths = dict(zip(HALF_WIDTHS_MM, (upper_mm - own.adapted_mm).tolist(), strict=True))
     default = all(math.isclose(widths[key], HALF_WIDTHS_MM[key]) for key in widths)
     return None if default else widths

@@ -1,6 +1,6 @@
-"""Figures of a diagnosis: what takes the gap away, what is active, where the gap is, how far it shrinks.
+"""Figures of a diagnosis: gap budget, inclusion probabilities, location of the gap, size of the gap at each stage.
 
-Lightness carries what colour does, so that all of them can be read in grey.
+Lightness carries the same information as colour, so that all figures can be read in grey.
 """
 
 import math
@@ -25,11 +25,11 @@ _PANELS = (ALL, *BONES)
 _HELD_OUT = {"color": BLUE, "marker": "o", "markersize": 5.0, "linestyle": "none"}
 _IN_SAMPLE = {**_HELD_OUT, "color": "0.45", "markerfacecolor": "white", "markersize": 4.5}
 _APART = 0.16
-"""Of a row: held-out values stand above its middle, in-sample ones below it."""
+"""Offset in rows: held-out values are drawn above the middle of their row, in-sample values below."""
 
 
 def figures(diagnosis: Diagnosis) -> dict[str, str]:
-    """Draw the figures of one model's diagnosis: SVG text by file name."""
+    """Draw the figures of one model's diagnosis; return SVG text by file name."""
     drawings = (budget, inclusion, gap_heatmap, gaps)
     return {name: svg(partial(draw, diagnosis)) for name, draw in zip(FIGURES, drawings, strict=True)}
 
@@ -57,7 +57,7 @@ def gap_heatmap(diagnosis: Diagnosis) -> Figure:
 
 
 def budget(diagnosis: Diagnosis) -> Figure:
-    """Draw what takes the gap away (:func:`adapt.output.plots.draw_budget`)."""
+    """Draw the gap budget (:func:`adapt.output.plots.draw_budget`)."""
     figure = Figure(figsize=(6.0, 1.1 + 0.27 * len(diagnosis.budget)), layout="constrained")
     draw_budget(figure.subplots(), diagnosis)
     _title(figure, diagnosis, "What takes the gap away", "lines: 95 % intervals; +: a cause added to all above it")
@@ -65,7 +65,7 @@ def budget(diagnosis: Diagnosis) -> Figure:
 
 
 def inclusion(diagnosis: Diagnosis) -> Figure:
-    """Draw what is active (:func:`adapt.output.plots.draw_inclusion`)."""
+    """Draw the inclusion probabilities (:func:`adapt.output.plots.draw_inclusion`)."""
     figure = Figure(figsize=(6.0, 1.0 + 0.21 * len(diagnosis.verdict.inclusion)), layout="constrained")
     draw_inclusion(figure.subplots(), diagnosis)
     named = any(cause.names for cause in diagnosis.verdict.causes)

@@ -1,6 +1,6 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The files of ``girdle muscles``: its tables, and muscle arms over the elevation of the arm."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Files of ``girdle muscles``: its tables, and a figure of muscle arms over the elevation of the arm."""
 
 from pathlib import Path
 
@@ -18,20 +18,21 @@ from motions.files import atomic_write
 FIGURE = "muscle_arms.svg"
 
 _BIN_DEG = 15.0
-"""Of elevation: postures in it are drawn as their mean."""
+"""Width of the bins of elevation; the postures of a bin are drawn as their mean."""
 
 _MARGIN = 1.1
-"""Above the largest arm."""
+"""Upper limit of the axis, relative to the largest arm."""
 
 _STYLES = {"before": "--", "after": "-"}
 
 _COLOURS = {"sc": BLUE, "ac": ORANGE, "gh": GREEN}
 
 _COLUMNS = 5
-"""Of the figure: a muscle each."""
+"""Columns of the figure; each panel shows one muscle."""
 
 _PANEL, _LEFT, _RIGHT, _TOP, _BOTTOM = 1.9, 0.55, 0.1, 0.5, 0.5
-"""Inches, of a panel with the space beside it, and of the margins. To have them computed takes half of the drawing."""
+"""Size of a panel with the space beside it, and of the margins, in inches. If matplotlib computed them,
+this would take half of the drawing time."""
 
 
 def write_muscles(folder: Path, found: MuscleTables) -> None:
@@ -43,7 +44,7 @@ def write_muscles(folder: Path, found: MuscleTables) -> None:
 
 
 def arms_figure(muscles: pd.DataFrame) -> Figure:
-    """Draw the arms of each muscle over elevation, means of all subjects and sets, before and after adaptation."""
+    """Draw the arms of each muscle over elevation, before and after adaptation, as means over all subjects and sets."""
     names = list(muscles["muscle"].unique())
     rows = -(-len(names) // _COLUMNS)
     width, height = _PANEL * _COLUMNS, _PANEL * rows
@@ -71,7 +72,7 @@ def _legend() -> list[Line2D]:
 
 
 def _draw(axes: Axes, rows: pd.DataFrame) -> float:
-    """Draw one muscle about the joints that it goes over, in both states; the largest arm drawn."""
+    """Draw one muscle about the joints that it crosses, in both states; return the largest arm drawn."""
     top = 0.0
     place = np.round(rows["humerus_elevation_deg"] / _BIN_DEG) * _BIN_DEG
     for joint in JOINTS:

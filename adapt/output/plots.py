@@ -1,11 +1,11 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Plots on matplotlib axes of your own: angles, positions, and of a diagnosis the budget, inclusion and the heat map.
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Plots on the caller's matplotlib axes: angles, positions, and the budget, inclusion and heat map of a diagnosis.
 
     figure, axes = plt.subplots()
     draw_angles(axes, result, "R2", "P01", "abduction", "scapula_z")
 
-Each function draws and labels; title, size and style are the caller's.
+Each function draws data and labels; the caller sets title, size and style.
 """
 
 import math
@@ -28,17 +28,17 @@ from motions.errors import InputError
 from motions.table import ANGLE_NAMES, ANGLES
 
 OUTLINED = 5
-"""Cells with the largest share of the gap that noise does not explain."""
+"""Number of outlined cells: those with the largest share of the gap beyond noise."""
 
 _DARK = 0.7
-"""Share of the colour scale from which text on it is white."""
+"""Share of the colour scale above which text on it is white."""
 
 _LIGHT_BLUE = "#b9cfe0"
 
 
 def draw_angles(axes: Axes, result: Tables, model: str, subject: str, motion: str, angle: str) -> None:
-    """Draw one of ``motions.ANGLES`` of one motion over humerus elevation: measured, and simulated before and after
-    adaptation, degrees. InputError if there is no such row."""
+    """Draw one of ``motions.ANGLES`` of one motion over humerus elevation, degrees: measured, and simulated before and
+    after adaptation. InputError if there is no such row."""
     fits = result.fits
     rows = fits[(fits["model"] == model) & (fits["subject"] == subject) & (fits["motion"] == motion)]
     _check(rows, "draw_angles", f"{model}, {subject}, {motion}")
@@ -57,8 +57,8 @@ def draw_angles(axes: Axes, result: Tables, model: str, subject: str, motion: st
 def draw_positions(
     axes: Axes, table: pd.DataFrame, model: str, subject: str, landmark: str, axis: Literal["x", "y", "z"]
 ) -> None:
-    """Draw one coordinate of a landmark over the postures: measured and simulated, mm, of the rows of ``positions.csv``
-    (``adapt.api.simulated_positions``). InputError if there is no such row."""
+    """Draw one coordinate of a landmark over the postures, mm: measured and simulated. ``table``: rows of
+    ``positions.csv`` (``adapt.api.simulated_positions``). InputError if there is no such row."""
     rows = table[(table["model"] == model) & (table["subject"] == subject)]
     _check(rows, "draw_positions", f"{model}, {subject}")
     styles = {ADAPTED: {"color": BLUE}, WITH_CAUSES: {"color": ORANGE}}
@@ -77,7 +77,8 @@ def _check(rows: pd.DataFrame, where: str, what: str) -> None:
 
 
 def draw_budget(axes: Axes, diagnosis: Diagnosis) -> None:
-    """Draw the budget of the gap on held-out motions: as it is, adapted, with one cause after the other, from noise."""
+    """Draw the gap budget on held-out motions, one bar per step: the model as it is, adapted, with one cause after
+    another, and noise alone."""
     steps = diagnosis.budget
     rows, values = np.arange(len(steps)), np.array([step.gap_deg for step in steps], float).reshape(-1, 3)
     largest = float(np.nanmax(values, initial=0.0)) or 1.0
@@ -95,7 +96,7 @@ def draw_budget(axes: Axes, diagnosis: Diagnosis) -> None:
 
 
 def draw_inclusion(axes: Axes, diagnosis: Diagnosis) -> None:
-    """Draw the inclusion probability of every candidate, most probable first; those that are named are dark."""
+    """Draw the inclusion probability of every candidate, most probable first; named candidates are dark."""
     probability = diagnosis.verdict.inclusion
     named = {name for cause in diagnosis.verdict.causes for name in cause.names}
     names = sorted(probability, key=lambda name: -probability[name])
@@ -113,15 +114,15 @@ def draw_inclusion(axes: Axes, diagnosis: Diagnosis) -> None:
 
 
 def elevation_bins(diagnosis: Diagnosis) -> dict[float, str]:
-    """Name the bins of humerus elevation of the heat maps, by the lower end in degrees."""
+    """Return the names of the bins of humerus elevation in the heat maps, by the lower end in degrees."""
     cells = diagnosis.where.cells
     names = {cell.elevation_low_deg: f"{cell.elevation_low_deg:.0f}-{cell.elevation_high_deg:.0f}" for cell in cells}
     return dict(sorted(names.items()))
 
 
 def draw_heat_map(axes: Axes, diagnosis: Diagnosis, motion: str) -> None:
-    """Draw the mean absolute gap of the adapted model of one motion, by angle and humerus elevation, degrees; outlined
-    are the largest shares beyond noise. InputError if there is no such motion."""
+    """Draw the mean absolute gap of the adapted model in one motion, by angle and humerus elevation, degrees. Cells
+    with the largest shares beyond noise are outlined. InputError if there is no such motion."""
     cells, lows = diagnosis.where.cells, list(elevation_bins(diagnosis))
     chosen = [cell for cell in cells if cell.motion == motion]
     if not chosen:

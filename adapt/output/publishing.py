@@ -1,4 +1,4 @@
-"""The files of a run take their places together, and those of the run before go: a folder holds one run."""
+"""Publishing of a run: its files take their places together, those of the previous run go; a folder holds one run."""
 
 import errno
 import json
@@ -11,17 +11,17 @@ from motions.errors import InputError, warn_input
 from motions.files import atomic_write_pieces
 
 UNFINISHED = "unfinished"
-"""Below the folder of the results, while they are made in parts: ``unfinished/KEY/NUMBER.npz``."""
+"""Folder below the results for parts in progress: ``unfinished/KEY/NUMBER.npz``."""
 
 _PART = re.compile(r"unfinished/[0-9a-f]{16}/[0-9]{7}\.npz")
 
 
 def publish(staged: Path, folder: Path) -> None:
-    """Put every file of ``staged`` in its place below ``folder``, and remove what the run before wrote.
+    """Move every file of ``staged`` to its place below ``folder``, and remove the files of the previous run.
 
-    Nothing of the user's own is replaced or removed: a file that no run wrote, or that was changed since, gets another
-    name, with an InputWarning. What the run reads stays, and so do simulated motions. OSError before anything has
-    changed if a folder stands where a file should be, or the other way round.
+    No file of the user is replaced or removed: a file that no run wrote, or that was changed since, is renamed, with an
+    InputWarning. Files that the run reads stay, and so do simulated motions. OSError, before anything has changed, if a
+    folder stands where a file should be, or a file where a folder should be.
     """
     places = _places(staged, folder)
     before, names = last_written(folder), list(files_below(staged))
@@ -29,7 +29,7 @@ def publish(staged: Path, folder: Path) -> None:
     read = _inputs_below(staged / RECORD, folder)
     old = [name for name in before.hashes if not (staged / name).exists()]
     stay = [name for name in old if name in DATA or {Path(name), *Path(name).parents} & read]
-    # A run killed from here on leaves no file that the next one would not know.
+    # A run killed from here on leaves only files that the list names, so the next run knows them.
     atomic_write_pieces(folder / LIST, [*new, *before.lines(before.hashes)])
     _keep_aside(before, names)
     for part, place in places.items():
@@ -40,21 +40,21 @@ def publish(staged: Path, folder: Path) -> None:
 
 
 def _places(staged: Path, folder: Path) -> dict[Path, Path]:
-    """Where each file belongs; a folder that is not there yet in one step, however many files it has."""
+    """Return the place of each file; a folder that does not exist yet moves in one step, however many files it has."""
     parts: list[Path] = []
     for child in staged.iterdir():
         there = child.is_dir() and (folder / child.name).is_dir()
         parts += [child / name for name in files_below(child)] if there else [child]
     places = {part: folder / part.relative_to(staged) for part in parts}
     for part, place in places.items():
-        if place.is_dir() or (part.is_dir() and place.exists()):  # found out before the first file is replaced
+        if place.is_dir() or (part.is_dir() and place.exists()):  # checked before the first file is replaced
             raise FileExistsError(errno.EEXIST, f"{place.name} is a {'folder' if place.is_dir() else 'file'}")
         place.parent.mkdir(exist_ok=True)
     return places
 
 
 def _inputs_below(record: Path, folder: Path) -> set[Path]:
-    """The files and folders below a folder that a run reads, relative to it, by its record."""
+    """Return the files and folders below ``folder`` that a run reads, relative to ``folder``, by its record."""
     inputs = json.loads(record.read_bytes())
     paths = [Path(one["path"]) for one in inputs["motions"]] + [Path(one["name"]) for one in inputs["models"]]
     home, resolved = folder.resolve(), (path.resolve() for path in paths)
@@ -62,7 +62,7 @@ def _inputs_below(record: Path, folder: Path) -> set[Path]:
 
 
 def _keep_aside(before: Written, names: Iterable[str]) -> None:
-    """Rename what is the user's own where a file is to be put, and say so."""
+    """Rename the user's own files where a file is to be put, with a warning."""
     for name in names:
         place = before.folder / name
         if place.is_file() and not before.is_there(name):
@@ -80,7 +80,7 @@ def _free_name(place: Path) -> Path:
 
 
 def _remove(before: Written, names: Iterable[str]) -> None:
-    """Remove files of the run before, and what is then an empty folder; what was changed since gets another name."""
+    """Remove files of the previous run, and folders that are then empty; files that were changed since are renamed."""
     _keep_aside(before, names)
     for name in names:
         place = before.folder / name
@@ -90,7 +90,7 @@ def _remove(before: Written, names: Iterable[str]) -> None:
 
 
 def _remove_unfinished(folder: Path) -> None:
-    """Remove the parts of runs that were stopped in this folder, and nothing else that may be there."""
+    """Remove the parts of stopped runs in this folder, and nothing else that may be there."""
     home = folder / UNFINISHED
     for part in home.glob("*/*"):
         if _PART.fullmatch(part.relative_to(folder).as_posix()):

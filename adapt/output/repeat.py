@@ -1,4 +1,4 @@
-"""``--repeat run.json``: the inputs and options of an earlier run, if the inputs are still what they were."""
+"""``--repeat run.json``: the inputs and options of an earlier run, if the inputs are unchanged."""
 
 import json
 from collections.abc import Callable, Collection
@@ -14,14 +14,14 @@ _WRITE_AGAIN = "Give the run.json of a run of this version"
 
 
 Record = dict[str, Any]
-"""What ``write_run`` wrote."""
+"""Content of a ``run.json``, as ``write_run`` writes it."""
 
 
 def recorded_arguments(record: Record, path: Path, command: str, options: Collection[str]) -> dict[str, Any]:
-    """Restore the arguments of the command, by parameter name, from the record that the file at ``path`` holds.
+    """Restore the arguments of the command, by parameter name, from the record in the file ``path``.
 
-    options: those that the command records; --out is none of them, so that no record says where to write. InputError if
-    it is no record of this command, or if an input is not, byte for byte, what it was.
+    ``options``: those that the command records; --out is not among them, so that no record says where to write.
+    InputError if the record is of another command, or if an input has changed by a single byte.
     """
     if record["command"] != command:
         cause = f"this is the record of 'girdle {record['command']}', not of 'girdle {command}'"
@@ -38,7 +38,7 @@ def recorded_arguments(record: Record, path: Path, command: str, options: Collec
 
 
 def other_versions(record: Record) -> list[str]:
-    """List what has another version now than in the record ('numpy 2.1.0, now 2.2.0'): last digits may differ."""
+    """List the components whose version differs from the record ('numpy 2.1.0, now 2.2.0'): last digits may differ."""
     now, then = versions(), record["versions"]
     return [f"{name} {then.get(name, 'unknown')}, now {now[name]}" for name in now if then.get(name) != now[name]]
 
@@ -55,7 +55,7 @@ def _check_unchanged(
 
 
 def read_record(path: Path) -> Record:
-    """Read the record of a run; InputError if the file is not what ``write_run`` writes."""
+    """Read the record of a run; InputError if the file is no such record."""
     try:
         record = json.loads(read_text(path, _WRITE_AGAIN))
     except (ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""The files of a result, but for its record: tables, figures and the report."""
+"""Files of a result, except its record: tables, figures and the report."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -32,7 +32,7 @@ def write_adaptations(folder: Path, result: Adaptations) -> None:
 
 
 def write_positions(folder: Path, diagnoses: Diagnoses) -> None:
-    """Write ``positions.csv``: where landmarks are simulated and were measured, in every state."""
+    """Write ``positions.csv``: simulated and measured positions of landmarks, in every state."""
     tables = [
         positions_table(one.positions.motions, name, state, simulated, one.positions.measured_mm)
         for name, one in diagnoses.by_model.items()
@@ -43,7 +43,7 @@ def write_positions(folder: Path, diagnoses: Diagnoses) -> None:
 
 def write_figures(folder: Path, diagnosis: Diagnosis) -> None:
     """Write the figures of a diagnosis, one SVG file each."""
-    from adapt.output.diagnosis_figures import figures  # matplotlib takes half a second to load: not for every command
+    from adapt.output.diagnosis_figures import figures  # loading matplotlib takes half a second: not for every command
 
     for name, text in figures(diagnosis).items():
         atomic_write(folder / name, text)
@@ -57,12 +57,12 @@ def write_report(
     failed: Mapping[str, str],
     **shown: Any,
 ) -> Exception | None:
-    """Write the report page, to take its place with the tables; return what went wrong with it, or None.
+    """Write the report page, to be published with the tables; return the exception if this fails, else None.
 
-    ``shown``: what else the page is made of, by the names of ``adapt.report.report_html``. 5 MB may have no room where
-    the tables had: that must not keep the tables from their places.
+    ``shown``: further content of the page, by the argument names of ``adapt.report.report_html``. A disk with room for
+    the tables may have none for the 5 MB of the page: this must not keep the tables from being published.
     """
-    from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
+    from adapt.report import report_html  # loading its libraries takes 0.2 s: not for every command
 
     try:
         atomic_write(folder / REPORT, report_html(motions, models, result, failed, **shown))
@@ -72,7 +72,7 @@ def write_report(
 
 
 def raise_without_report(folder: Path, wrong: Exception | None) -> None:
-    """Raise what went wrong with the report page, if anything did; the tables are there without it."""
+    """Raise the exception of the report page, if there is one; the tables are there without the page."""
     if wrong is not None:
         if isinstance(wrong, InputError):
             raise InputError(str(folder / REPORT), None, wrong.cause, "Make room; the tables are there") from wrong

@@ -1,4 +1,4 @@
-"""Writing the results of a run: each file whole or not at all, and a record that is enough to repeat it."""
+"""Writing of the results of a run: each file whole or not at all, and a record that is enough to repeat the run."""
 
 import hashlib
 import importlib.metadata
@@ -24,17 +24,17 @@ from motions.files import atomic_write, is_part, part_name
 
 try:
     import fcntl
-except ImportError:  # Windows: nothing keeps two runs apart there
+except ImportError:  # Windows: no lock keeps two runs apart there
     fcntl = None
 
 Files = dict[str, list[dict[str, str | None]]]
-"""What run.json says of the motion files and the models."""
+"""Entries of run.json for the motion files and the models."""
 
 _VERSIONS_OF = ("girdle", "jax", "jaxlib", "llvmlite", "numpy", "optimistix", "pandas")
 
 
 def prepare_folder(path: str | os.PathLike[str]) -> Path:
-    """Make the folder if it is not there; InputError before any work is done if it cannot be written to."""
+    """Create the folder if it does not exist; InputError, before any work is done, if it is not writable."""
     folder = Path(path)
     probe = folder / part_name()
     try:
@@ -51,9 +51,9 @@ def prepare_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Prepare the folder and hold it for this run alone; InputError if another run holds it.
+    """Prepare the folder and lock it for this run alone; InputError if another run holds the lock.
 
-    What a run that was killed left half written is removed.
+    Half-written files of a killed run are removed.
     """
     folder = prepare_folder(path)
     lock = _lock(folder)
@@ -69,10 +69,10 @@ def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def transaction(folder: Path) -> Iterator[Path]:
-    """Yield a folder for files that take their places in ``folder`` together when the block has ended well.
+    """Yield a folder for files that move to ``folder`` together when the block ends without an error.
 
-    What the run before wrote there is then removed (``adapt.output.publishing``). If the block has not ended well (the
-    disk is full), or is killed, all files of ``folder`` stay as they were.
+    The files of the previous run are then removed (``adapt.output.publishing``). If the block fails (the disk is full),
+    or is killed, all files of ``folder`` stay as they were.
     """
     staged = folder / part_name()
     try:
@@ -95,7 +95,7 @@ def _remove(path: Path) -> None:
 
 
 def _lock(folder: Path) -> int | None:
-    """The handle that keeps the folder locked until it is closed or its process ends, however; None without locks."""
+    """Return a handle that locks the folder until it is closed or its process ends in any way; None without locks."""
     if fcntl is None:
         return None
     handle = os.open(folder, os.O_RDONLY)
@@ -107,7 +107,7 @@ def _lock(folder: Path) -> int | None:
         remedy = "Wait until it has ended, or give another folder with --out"
         raise InputError(str(folder), None, cause, remedy) from error
     except OSError:
-        pass  # a file system without locks, as some of networks are
+        pass  # a file system without locks, as some network file systems
     return handle
 
 
@@ -117,15 +117,15 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
 
 
 def write_json(record: dict[str, object], path: Path) -> None:
-    """Write strict JSON: what is not a finite number must be null by now."""
+    """Write strict JSON; numbers that are not finite must already be null."""
     atomic_write(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
 def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
-    """Record the files of a run with their SHA-256.
+    """Record the input files of a run with their SHA-256.
 
-    Take the record before the files are read: they can change while the run goes on. Paths are absolute, so that the
-    run can be repeated from another folder.
+    Record them before they are read: they can change during the run. Paths are absolute, so that the run can be
+    repeated from another folder.
     """
     files = [model_file(name) for name in models]
     return {
@@ -138,9 +138,9 @@ def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
 
 
 def run_key(inputs: Files, options: dict[str, object]) -> str:
-    """Hash all that the results of a run depend on to one word of 16 hexadecimal digits.
+    """Hash all that the results of a run depend on to a key of 16 hexadecimal digits.
 
-    A pipe has no hash: its run has a word of its own.
+    A pipe has no hash: its run has a random key.
     """
     record = inputs | {"options": options, "versions": versions()}
     if any(file["sha256"] is None for files in inputs.values() for file in files):
@@ -155,9 +155,9 @@ def write_run(
     options: dict[str, object],
     left_out: Sequence[InputError] = (),
 ) -> None:
-    """Write ``run.json``: inputs (of ``inputs_record``), what was left out of them and why, options, seeds, versions.
+    """Write ``run.json``: inputs (from ``inputs_record``), inputs left out with the reasons, options, seeds, versions.
 
-    The options have the names of the command's parameters: ``adapt.output.repeat`` hands them back to it.
+    The options have the names of the command's parameters: ``adapt.output.repeat`` passes them to it again.
     """
     record = {
         "command": command,
@@ -171,7 +171,7 @@ def write_run(
 
 
 def versions() -> dict[str, str]:
-    """List the versions of everything that the last digits of a result depend on, but for the machine."""
+    """Return the versions of everything that the last digits of a result depend on, except the machine."""
     return {"python": sys.version.split()[0]} | {name: _version(name) for name in _VERSIONS_OF}
 
 
@@ -183,7 +183,7 @@ def _version(library: str) -> str:
 
 
 def model_sha256(path: Path) -> str | None:
-    """Hash the file of a parameter set, or a folder with one for each subject: names and contents together."""
+    """Hash the file of a parameter set, or a folder with one file per subject: names and contents together."""
     if not path.is_dir():
         return sha256(path)
     listed = [f"{file.name} {sha256(file)}" for file in set_files(path)]

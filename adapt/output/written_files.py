@@ -1,4 +1,4 @@
-"""The list of what a run wrote into its folder, from which the next run knows what is not the user's own."""
+"""List of the files that a run wrote into its folder, by which the next run knows which files are the user's own."""
 
 import hashlib
 import json
@@ -14,11 +14,11 @@ from motions.files import file_names
 RECORD = "run.json"
 
 LIST = "girdle.sha256"
-"""One line a file, ``HASH  NAME``, as ``sha256sum -c`` reads it. It names all files of the run but itself. A name that
-nobody gives to a list of his own data: what stands in it is removed."""
+"""Name of the list. It has one line per file, ``HASH  NAME``, as ``sha256sum -c`` reads it, for all files of the run
+but itself. The next run removes the listed files; hence a name that nobody gives to a list of their own data."""
 
 DATA = ("motions.csv", "truth.csv")
-"""Of ``girdle simulate``: what other runs read."""
+"""Files of ``girdle simulate``, which other runs read."""
 
 _LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 
@@ -37,29 +37,29 @@ _UNLISTED = {
     ),
     "simulate": DATA,
 }
-"""What a run wrote, by its command, before there was a list."""
+"""Files of a run that left no list, by its command."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """The files that a run wrote into a folder, by their names relative to it."""
+    """Files that a run wrote into a folder, by their names relative to the folder."""
 
     folder: Path
     hashes: dict[str, frozenset[str]]
-    """SHA-256 of each; two where a run was killed while it replaced files, none where it was not written down."""
+    """SHA-256 of each file: two where a run was killed while it replaced files, none where no hash was recorded."""
 
     def is_there(self, name: str) -> bool:
-        """Tell whether the file is still the one that the run wrote."""
+        """Check whether the file is still the one that the run wrote."""
         known = self.hashes.get(name)
         return known is not None and (not known or sha256(self.folder / name) in known)
 
     def lines(self, names: Iterable[str]) -> Iterator[bytes]:
-        """Write some of them as lines of ``LIST``."""
+        """Format some of the files as lines of ``LIST``."""
         return (f"{one}  {name}\n".encode() for name in names for one in sorted(self.hashes[name]))
 
 
 def last_written(folder: Path) -> Written:
-    """Read what the last run wrote into the folder; of a run that left no list, what its command writes."""
+    """Read which files the last run wrote into the folder; without a list, those that the command of the run writes."""
     path = folder / LIST
     if not path.is_file():
         return Written(folder, dict.fromkeys(_unlisted(folder), frozenset()))
@@ -72,7 +72,7 @@ def last_written(folder: Path) -> Written:
 
 
 def _unlisted(folder: Path) -> list[str]:
-    """The files of a version that left a record and no list."""
+    """Return the files of a version that left a record and no list."""
     try:
         command = json.loads((folder / RECORD).read_bytes())["command"]
         return [RECORD, *_UNLISTED[command], *(_unlisted_models(folder) if command == "adapt" else ())]
@@ -86,12 +86,13 @@ def _unlisted_models(folder: Path) -> list[str]:
 
 
 def listed(folder: Path, names: Iterable[str]) -> list[bytes]:
-    """List files below the folder as lines of ``LIST``."""
+    """Format files below the folder as lines of ``LIST``."""
     return [f"{sha256(folder / name)}  {name}\n".encode() for name in names]
 
 
 def files_below(folder: Path, below: str = "") -> Iterator[str]:
-    """Name the files below a folder, relative to it, in order. A million names take 0.1 GB, as paths ten times that."""
+    """Yield the names of the files below a folder, relative to it, in order. A million names take 0.1 GB, as paths ten
+    times as much."""
     for name in sorted(one.name for one in (folder / below).iterdir()):
         if (folder / below / name).is_dir():
             yield from files_below(folder, f"{below}{name}/")
@@ -102,7 +103,7 @@ def files_below(folder: Path, below: str = "") -> Iterator[str]:
 def sha256(path: Path) -> str | None:
     """Hash a file with SHA-256, in hexadecimal; None for a file that cannot be read, and for a pipe.
 
-    What cannot be read is then among what was left out; a pipe is read only once.
+    A file that cannot be read is reported among the inputs that were left out; a pipe can be read only once.
     """
     try:
         if not path.is_file():

@@ -1,1 +1,1 @@
-"""Adaptation with bones and frames of each person's own, as far as people differ."""
+"""Adaptation with own bones: bones and measured frames of each person, within the variation between people."""

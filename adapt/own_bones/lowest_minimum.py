@@ -1,4 +1,4 @@
-"""The most probable girdle among several minima of F: from several starts, and from where the person's others ended."""
+"""Lowest of several local minima of F, from several starts and from the minima of the same person's other parts."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,37 +20,38 @@ from adapt.solvers.projection.nearest_posture import nearest_by_numbers
 from models.girdle import Girdle
 
 _AS_GOOD_AS_NOISE = 1.0
-"""Times the F that noise alone leaves, on average. With 1.3 15 of 180 adaptations of the shipped subjects and their
-parts end in a higher minimum than with all starts, with 1.0 3 do."""
+"""Factor on the mean F of noise alone; a first start that reaches this value needs no other start. With a
+factor of 1.3, 15 of 180 adaptations of the shipped subjects and their parts end in a higher minimum than with all
+starts; with 1.0, 3 do."""
 
 _APART_SDS = 0.3
-"""A start whose u is no farther from the lowest end so far leads there too. Of 1112 second and third starts of
-shipped and measured persons and parts with six sets 168 are as near, and none of them leads lower; of those up to 1 SD
-away none does, of those up to 2 SDs 19."""
+"""Starts whose u is within this distance of the lowest minimum so far are left out. Among 1112 second and third starts
+of shipped and measured persons and parts with six sets, 168 are as near, and none of these leads lower. No start up to
+1 SD away leads lower; 19 starts up to 2 SDs away do."""
 
 _MOST_KIN, _KIN_STEPS = 3, 150
-"""Starts from where other parts of the same person ended: so many of the lowest F there, with so many steps. Of 441
-measured persons and parts with six sets 53 end lower for some of them, by up to 106 nats; with one such start 25 of
-these do not, with two 16, with three 8. With 60 steps few do."""
+"""Number of starts from the minima of other parts of the same person, taken by the lowest F at the start, and their
+largest number of steps. For 53 of 441 measured persons and parts with six sets such starts lower F, by up to 106 nats.
+With one start 25 of the 53 are missed, with two 16, with three 8. With 60 steps few are lower."""
 
 _FIRST_STEPS = 160
-"""Of the first start. Where a posture on the way is as far as its chain reaches, A1-A3 have no slope there: the steps
-leave the local minimum and wander; other starts do not. Of 604 problems of measured and simulated subjects with six
-sets one ends elsewhere for it."""
+"""Largest number of steps of the first start. Where a posture on the way is at the limit of what its chain can reach,
+A1-A3 have no slope: the steps leave the local minimum and wander, while other starts do not. The limit
+changes the end of one of 604 problems of measured and simulated subjects with six sets."""
 
 _POSTURE_ROUNDS = 4
-"""A person with a posture in the higher of two local minima goes on from the lower one."""
+"""Largest number of restarts for a person with a posture in the higher of two local minima, from the lower one."""
 
 _LOWER_DEG2 = 1e-6
-"""A fresh posture fit lower by less than this is the same one."""
+"""Decrease of a posture's squared differences (deg^2) up to which a new posture fit counts as the same minimum."""
 
 
 def with_lowest_postures(
     rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, kin: Int[np.ndarray, " problems"]
 ) -> Posterior:
-    """Find the most probable girdles, and again from where a posture fits better elsewhere.
+    """Find the most probable girdles, and restart where a posture has a better fit in another local minimum.
 
-    ``kin``: a number that problems with other postures of the same person share.
+    ``kin``: number of the person, shared by problems with other postures of the same person.
     """
     found, left = _from_starts(rows, part, prior, kin), np.arange(len(prior.noise_deg))
     for _ in range(_POSTURE_ROUNDS):
@@ -69,7 +70,7 @@ def with_lowest_postures(
 
 
 def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, kin) -> Posterior:
-    """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
+    """Search from the first start, and from the others where it leaves more than the noise; keep the lowest minimum."""
     first = staged(rows, part, prior, STARTS_MM[0])
     found = most_probable(rows, part, prior, *first, _FIRST_STEPS)
     allowed = _AS_GOOD_AS_NOISE * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
@@ -85,7 +86,7 @@ def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, kin) 
         _keep_lower(found, rows, part, prior, problems[apart], u[:, apart], angles)
         _with_starts_of_kin(found, rows, part, prior, kin, left)
     lost = np.flatnonzero(~found.settled)
-    if len(lost):  # no start has led anywhere: the first goes on
+    if len(lost):  # no start has converged: the first continues
         some, number = of_problems(rows, part, lost)
         u, angles = first[0][:, lost], first[1][:, np.isin(part, lost)]
         _put(found, part, lost, most_probable(some, number, take_problems(prior, lost), u, angles))
@@ -93,7 +94,7 @@ def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, kin) 
 
 
 def _with_starts_of_kin(found: Posterior, rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, kin, left) -> None:
-    """Start the problems ``left`` from the girdles of their kin with the lowest F."""
+    """Start the problems ``left`` from the girdles of their kin that have the lowest F for them."""
     of_left, other = np.nonzero((kin[left, None] == kin) & (left[:, None] != np.arange(len(kin))) & found.settled)
     u = take_problems(prior, left[of_left]).u_of(prior.numbers_at(found.u)[:, other])
     apart = _apart(u, found.u[:, left[of_left]])
@@ -104,7 +105,7 @@ def _with_starts_of_kin(found: Posterior, rows: Rows, part: Int[np.ndarray, " ro
     numbers, measured = own.numbers_at(u)[:, number], (some.active_effects, some.angles, some.measured)
     y = nearest_by_numbers(numbers, *measured, some.angles).y
     F = np.bincount(number, (y**2).sum(axis=0), len(problems)) + own.noise_deg**2 * (u**2).sum(axis=0)
-    order = np.lexsort((F, problems))  # of a problem, the lowest first
+    order = np.lexsort((F, problems))  # by problem, lowest F first
     rank = np.arange(len(order)) - np.searchsorted(problems, problems)
     chosen = np.sort(order[(rank < _MOST_KIN) & np.isfinite(F[order])])
     angles = some.angles[:, np.isin(number, chosen)]
@@ -112,14 +113,14 @@ def _with_starts_of_kin(found: Posterior, rows: Rows, part: Int[np.ndarray, " ro
 
 
 def _apart(u: Float[np.ndarray, "n starts"], end: Float[np.ndarray, "n starts"]) -> Bool[np.ndarray, " starts"]:
-    """Whether starts are away from where a search ended, or that is at no number."""
+    """Check which starts are away from the end of a search; every start is away from an end that is NaN."""
     return ~(np.abs(u - end).max(axis=0) <= _APART_SDS)
 
 
 def _keep_lower(
     found: Posterior, rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, problems, u, angles, *most_steps: int
 ) -> None:
-    """Start problems, any as often as wanted, and put where the lowest end of each is lower than what was found."""
+    """Search from more starts of ``problems``, which may repeat, and keep ends that are lower than ``found``."""
     if not len(problems):
         return
     some, number = of_problems(rows, part, problems)
@@ -132,6 +133,6 @@ def _keep_lower(
 
 
 def _put(found: Posterior, part: Int[np.ndarray, " rows"], problems, other: Posterior) -> None:
-    """Put the other ends of these problems in their places."""
+    """Replace the ends of ``problems`` in ``found`` by ``other``."""
     put_problems(found.nearest, np.flatnonzero(np.isin(part, problems)), other.nearest)
     put_problems(found._replace(nearest=()), problems, other._replace(nearest=()))  # pyright: ignore[reportArgumentType]

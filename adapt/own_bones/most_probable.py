@@ -1,21 +1,21 @@
-"""The most probable girdle of each person, given measured postures and how people differ.
+"""Posterior mode of the girdle of each person, given measured postures and the variation between people.
 
 With noise of SD sigma in every measured angle and a person's sizes z ~ N(0, 1) (``models.person.own_bones``)
 
     -2 log p(z | angles) = sum over measured angles of (q - s)^2 / sigma^2 + |z|^2 + constant,
 
-q the closed postures nearest to the measured ones. What is minimised is sigma^2 times that,
+where q are the closed postures nearest to the measured postures s. The search minimises sigma^2 times this,
 
     F(u) = sum (q - s)^2 + sigma^2 |u|^2,     g(q, x) = 0,   chain's numbers x = x_0 + R u,   R R' = sum c c',
 
-over as many u as the chain can tell apart: no pair of sizes that move the same numbers is fitted twice. There are no
-bounds: the prior holds what the angles do not.
+over as many u as the chain can distinguish: sizes that move the same numbers are fitted together. There are no bounds:
+the prior limits the directions that the angles do not determine.
 
-F has long curved ridges: with conoids that hardly turn with the bones a tenth of a millimetre of A3 is worth degrees.
-So the constraints first have a slack, as ligaments and soft tissue do, which becomes smaller in stages; damped
-Gauss-Newton steps with the postures of each stage (``projection.nearest_posture``). At last the chain is rigid: Newton
-steps in u and all postures at once, each posture eliminated (``own_bones.posture_steps``), with backtracking on the
-augmented Lagrangian as in ``adapt.solvers.newton.subject``.
+F has long curved ridges: with a conoid that hardly turns with the bones, 0.1 mm of A3 is worth degrees. So the
+constraints first have a slack, as ligaments and soft tissue do. The slack decreases in stages of damped Gauss-Newton
+steps at the nearest postures (``projection.nearest_posture``). At last the chain is rigid: Newton steps in u and all
+postures at once, with each posture eliminated (``own_bones.posture_steps``) and backtracking on the augmented
+Lagrangian as in ``adapt.solvers.newton.subject``.
 """
 
 from collections.abc import Sequence
@@ -38,115 +38,117 @@ from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES
 
 STARTS_MM = ((1.0, 0.3, 0.1, 0.03, 0.01), (0.1, 0.03, 0.01), ())
-"""SDs of the constraints in the stages of each start, beside a degree in the angles. Of six bone-pin shoulders with
-five sets F has two or three local minima; each start leads to the lowest of them in 22 to 25 of 30."""
+"""SDs (mm) of the constraints' slack in the stages of each start; the angles have an SD of one degree. For six bone-pin
+shoulders with five sets F has two or three local minima; each start leads to the lowest in 22 to 25 of the 30 cases."""
 
 _STEPS_A_STAGE, _STAGE_GAIN = 8, 1e-2
-"""Most steps of a stage, and the relative decrease of F at which it ends."""
+"""Largest number of steps in a stage, and the relative decrease of F below which the stage ends."""
 
 _STAGE_NEAR = 1e-6
-"""A posture of a stage is near enough where a projection moves it by less than so many SDs."""
+"""Tolerance of the nearest postures in a stage: the last projection moves them by less than this number of SDs."""
 
 _MOST_STEPS = 320
-"""With the rigid chain most take 4 to 20, the hardest of those that lead to the lowest end 319."""
+"""Largest number of steps with the rigid chain. Most searches take 4 to 20 steps; the longest search that reached the
+lowest minimum took 319."""
 
 _FLAT = 1e-6
-"""|dF/du| of an end, relative to sigma^2: u is 1e-6 SDs from the optimum at most, for the prior alone curves F by as
-much; F is 1e-12 sigma^2 above its minimum."""
+"""Tolerance of |dF/du| at convergence, relative to sigma^2. The prior alone gives F a curvature of the order of
+sigma^2, so u is at most 1e-6 SDs from the optimum and F is 1e-12 sigma^2 above its minimum."""
 
 _CLOSED_MM, _STILL_DEG = 1e-7, 1e-6
-"""Of the chains and the postures of such an end, which are fitted anew then."""
+"""Tolerances at convergence: constraint violation, and stationarity of the postures. The postures are then refitted."""
 
 _SHORTER, _HARDLY = 0.3, 0.02
-"""Factor on a step whose end was refused; the share that is taken in any case."""
+"""Factor on the length of a rejected step, and the length below which a step is accepted in any case."""
 
 _ROUNDING = 1e-12
-"""Relative, of the merit."""
+"""Relative rounding error of the merit function."""
 
 _FIRST_DAMPING, _LESS, _MORE, _LEAST, _MOST = 10.0, 0.3, 10.0, 1e-3, 1e3
-"""Of a step in u, beside the prior's 1: less after a full step, more after a shortened one; below the least none. More
-than the most would hold u where the postures have not found their way yet."""
+"""Damping of a step in u, relative to the prior's curvature: first value, factors after a full and after a shortened
+step, lower and upper limit. Damping below the lower limit becomes 0. Damping above the upper limit would stop u while
+the postures are still far from their optimum."""
 
 
 _ENTRIES = np.tril_indices(COUNT_OF_NUMBERS)
-"""Of ``Eliminated.matrix``."""
+"""Rows and columns of the entries in ``Eliminated.matrix``."""
 
 
 class Rows(NamedTuple):
-    """The postures of all persons, person by person."""
+    """Measured postures of all persons, ordered by person."""
 
     angles: Float[np.ndarray, "6 rows"]
-    """Measured, rad."""
+    """Measured angles, rad."""
     measured: Bool[np.ndarray, "6 rows"]
     active_effects: ActiveEffects
 
     @property
     def weights(self) -> Float[np.ndarray, "6 rows"]:
-        """W: F / 2 in deg^2."""
+        """Weights W of the squared differences (rad^2), so that F / 2 is in deg^2."""
         return sd_rad(self.measured, UNMEASURED_SD) ** -2.0
 
 
 class Parts(NamedTuple):
-    """Which person (group and part at once) each row is of."""
+    """Index of the person of each row; a person is both a group and a part of the damped steps."""
 
     part: Int[np.ndarray, " rows"]
     group: Int[np.ndarray, " problems"]
 
 
 class Prior(NamedTuple):
-    """What is believed of each person's girdle."""
+    """Prior of each person's girdle."""
 
     numbers_mm: Float[np.ndarray, "numbers problems"]
-    """x_0, with SC at 0 (``of_chain``)."""
+    """Prior mean x_0, with SC at 0 (``of_chain``)."""
     root_mm: Float[np.ndarray, "numbers n problems"]
-    """R."""
+    """Root R of the prior covariance."""
     noise_deg: Float[np.ndarray, " problems"]
-    """sigma."""
+    """SD sigma of the noise in a measured angle."""
 
     def numbers_at(self, u: Float[np.ndarray, "n problems"]) -> Float[np.ndarray, "numbers problems"]:
-        """Give the chain's numbers at u."""
+        """Return the chain's numbers x at u."""
         return self.numbers_mm + self.moved_mm(u)
 
     def moved_mm(self, u: Float[np.ndarray, "n problems"]) -> Float[np.ndarray, "numbers problems"]:
-        """Give R u."""
+        """Return R u, the change of the chain's numbers."""
         return (persons_first(self.root_mm) @ persons_first(u)[..., None])[..., 0].T
 
     def u_of(self, numbers_mm: Float[np.ndarray, "numbers problems"]) -> Float[np.ndarray, "n problems"]:
-        """Find u of the nearest numbers: the columns of R are orthogonal, some of them 0."""
+        """Find the u whose numbers are nearest to those given. The columns of R are orthogonal, and some are 0."""
         squares = (self.root_mm**2).sum(axis=0)
         along = np.einsum("kup,kp->up", self.root_mm, numbers_mm - self.numbers_mm)
         return along / np.where(squares > 0.0, squares, np.inf)
 
 
 class Posterior(NamedTuple):
-    """Where the steps ended."""
+    """Posterior mode of each problem, or the last point of its search."""
 
     u: Float[np.ndarray, "n problems"]
     F: Float[np.ndarray, " problems"]
-    """deg^2."""
+    """Objective, deg^2."""
     nearest: Nearest
-    """With slopes in the numbers of the girdle."""
+    """Nearest postures, with slopes in the numbers of the girdle."""
     steps: Int[np.ndarray, " problems"]
     closed: Bool[np.ndarray, " problems"]
-    """The chain is, in every posture."""
+    """True where the chain is closed in every posture with more than three measured angles."""
     settled: Bool[np.ndarray, " problems"]
-    """And F stationary."""
+    """True where the chain is closed and F is stationary."""
 
 
 def of_problems(rows: Rows, part: Int[np.ndarray, " rows"], problems) -> tuple[Rows, Int[np.ndarray, " some"]]:
-    """Take the rows of some problems, any as often as wanted, and say which of them each is of."""
+    """Select the rows of ``problems``, which may repeat; also return the position in ``problems`` of each row."""
     at, number = _places(part, problems)
     return Rows(rows.angles[:, at], rows.measured[:, at], rows.active_effects.at(at)), number
 
 
 def take_found(found: Posterior, part: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]) -> Posterior:
-    """Take the ends of some problems."""
+    """Select the posterior modes of ``problems``."""
     nearest = take_problems(found.nearest, _places(part, problems)[0])
     return take_problems(found._replace(nearest=()), problems)._replace(nearest=nearest)
 
 
 def _places(part: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]):
-    """Find the rows of some problems, one problem's after the other, and which of them each is of."""
+    """Find the row indices of ``problems``, problem by problem, and the position in ``problems`` of each row."""
     first = np.searchsorted(part, problems)
     counts = np.searchsorted(part, problems, side="right") - first
     number = np.repeat(np.arange(len(problems)), counts)
@@ -154,14 +156,14 @@ def _places(part: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]):
 
 
 class _OfRows(NamedTuple):
-    """The last accepted point of each posture, and the step from it."""
+    """Last accepted point of each posture, and the step from there."""
 
     angles: Float[np.ndarray, "6 rows"]
     multipliers: Float[np.ndarray, "3 rows"]
     dq: Float[np.ndarray, "6 rows"]
     change: Float[np.ndarray, "3 rows"]
     target: Float[np.ndarray, "3 rows"]
-    """Multipliers at the end of the full step: those of the merit."""
+    """Multipliers at the end of the full step; the merit function uses them."""
     stiffness: Float[np.ndarray, "3 rows"]
 
 
@@ -169,7 +171,7 @@ class _OfGroups(NamedTuple):
     u: Float[np.ndarray, "n problems"]
     du: Float[np.ndarray, "n problems"]
     length: Float[np.ndarray, " problems"]
-    """The share of the step that is tried."""
+    """Fraction of the step that is tried."""
     merit: Float[np.ndarray, " problems"]
     damping: Float[np.ndarray, " problems"]
     steps: Int[np.ndarray, " problems"]
@@ -184,7 +186,7 @@ class _Objective:
     parts: Parts
 
     def of(self, groups: Bool[np.ndarray, " problems"]) -> "_Objective":
-        """Take some persons."""
+        """Select some persons."""
         rows = groups[self.parts.part]
         measured = Rows(self.rows.angles[:, rows], self.rows.measured[:, rows], self.rows.active_effects.at(rows))
         parts = Parts(np.cumsum(groups)[self.parts.part[rows]] - 1, np.arange(groups.sum()))
@@ -192,42 +194,42 @@ class _Objective:
 
     @cached_property
     def first_rows(self) -> Int[np.ndarray, " problems"]:
-        """The first row of each person."""
+        """Index of the first row of each person."""
         return np.searchsorted(self.parts.part, self.parts.group)
 
     @cached_property
     def alike(self) -> list[tuple[Int[np.ndarray, " some"], Int[np.ndarray, "some postures"]]]:
-        """Persons with equally many postures, and the rows of each."""
+        """Groups of persons with equal numbers of postures, and the row indices of each person."""
         counts = np.bincount(self.parts.part, minlength=len(self.parts.group))
         starts = np.cumsum(counts) - counts
         every = [(np.flatnonzero(counts == count), count) for count in np.unique(counts).tolist()]
         return [(some, starts[some, None] + np.arange(count)) for some, count in every]
 
     def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... problems"]:
-        """Add up the rows of each person."""
+        """Sum the rows of each person."""
         return np.add.reduceat(values, self.first_rows, axis=-1)
 
     def largest(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " problems"]:
-        """Find the largest of the rows of each person."""
+        """Return the maximum over the rows of each person."""
         return np.maximum.reduceat(values, self.first_rows)
 
     def postures(self, u, angles, multipliers) -> Postures:
-        """Lay out what the kernels take."""
+        """Assemble the arguments of the kernels."""
         numbers, rows = self.prior.numbers_at(u)[:, self.parts.part], self.rows
         strengths = strengths_rows(rows.active_effects, len(self.parts.part))
         return Postures(numbers, strengths, angles, multipliers, rows.angles, rows.weights)
 
     def half_F(self, u, angles) -> Float[np.ndarray, " problems"]:
-        """Compute F / 2 of angles, deg^2."""
+        """Compute F / 2 (deg^2) at u and ``angles``."""
         apart = (self.rows.weights * (angles - self.rows.angles) ** 2).sum(axis=0)
         return 0.5 * (self.sums(apart) + self.of_prior(u))
 
     def of_prior(self, u) -> Float[np.ndarray, " problems"]:
-        """Compute sigma^2 |u|^2."""
+        """Compute the prior's share of F, sigma^2 |u|^2."""
         return self.prior.noise_deg**2 * (persons_first(u) ** 2).sum(axis=1)
 
     def in_u(self, at: Eliminated):
-        """Turn what the rows add up to from numbers into u: slope, matrix and the slope at stationary postures."""
+        """Sum the rows of each person in terms of u: matrix, gradient, and gradient at stationary postures."""
         row, column = _ENTRIES
         whole = np.empty((COUNT_OF_NUMBERS, COUNT_OF_NUMBERS, len(self.parts.group)))
         whole[row, column] = whole[column, row] = self.sums(at.matrix)
@@ -245,12 +247,12 @@ def most_probable(
     angles: Float[np.ndarray, "6 rows"],
     most_steps: int = _MOST_STEPS,
 ) -> Posterior:
-    """Find it of each person from u and ``angles`` (rad), in at most so many steps."""
+    """Find the posterior mode of each person from the starting point u and ``angles`` (rad)."""
     objective = _Objective(rows, prior, Parts(part, np.arange(len(prior.noise_deg))))
     of_rows, _, end = until_ended(objective, _first(objective, u, angles), _stepped, most_steps)
     numbers = prior.numbers_at(end.u)[:, part]
     near = nearest_by_numbers(numbers, rows.active_effects, rows.angles, rows.measured, of_rows.angles)
-    tells = rows.measured.sum(axis=0) > FEWEST_ANGLES  # of others nothing is compared, wherever their search ends
+    tells = rows.measured.sum(axis=0) > FEWEST_ANGLES  # three angles or fewer leave no residual: the chain may be open
     closed = objective.sums(np.abs(near.g_mm).max(axis=0) * tells) <= _CLOSED_MM
     F = objective.sums((near.y**2).sum(axis=0)) + objective.of_prior(end.u)
     closed &= np.isfinite(F)
@@ -266,22 +268,22 @@ class _Stage(NamedTuple):
 
 @dataclass(frozen=True)
 class _Slack:
-    """F of chains with a slack."""
+    """Objective F of chains whose constraints have a slack."""
 
     of_rigid: _Objective
     slack_mm: float
 
     @property
     def parts(self) -> Parts:
-        """Whose the rows are."""
+        """Person of each row."""
         return self.of_rigid.parts
 
     def of(self, groups: Bool[np.ndarray, " problems"]) -> "_Slack":
-        """Take some persons."""
+        """Select some persons."""
         return _Slack(self.of_rigid.of(groups), self.slack_mm)
 
     def at(self, u, start) -> tuple[Nearest, Float[np.ndarray, " problems"]]:
-        """Find the nearest postures, and F."""
+        """Find the nearest postures and compute F, infinite where undefined."""
         rows, prior = self.of_rigid.rows, self.of_rigid.prior
         numbers = prior.numbers_at(u)[:, self.parts.part]
         measured = rows.active_effects, rows.angles, rows.measured
@@ -290,12 +292,12 @@ class _Slack:
         return near, np.where(np.isfinite(F), F, np.inf)
 
     def normal_equations(self, near: Nearest):
-        """Compute sum y' y and sum y' y'^T over the rows of each person, slopes in u; persons first."""
+        """Compute sum y' y and sum y' y'^T over the rows of each person, y' the Jacobian in u; persons first."""
         every = persons_first(np.concatenate([near.by_theta, near.y[:, None]], axis=1))
         root = persons_first(self.of_rigid.prior.root_mm)
         count, n = len(root), root.shape[2]
         gradient, matrix = np.empty((count, n)), np.empty((count, n, n))
-        for some, rows in self.of_rigid.alike:  # not padded: with other numbers of rows BLAS adds up in another order
+        for some, rows in self.of_rigid.alike:  # no padding: it would change the order in which BLAS sums
             own = every[rows].reshape(len(some), rows.shape[1] * every.shape[1], -1)
             slopes = own[:, :, :-1] @ root[some]
             across = np.swapaxes(slopes, 1, 2)
@@ -306,7 +308,7 @@ class _Slack:
 def staged(
     rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, slacks_mm: Sequence[float]
 ) -> tuple[Float[np.ndarray, "n problems"], Float[np.ndarray, "6 rows"]]:
-    """Go where chains with less and less slack lead to from the set and the measured angles: u and angles (rad)."""
+    """Find a starting point u and angles (rad), from the set and the measured angles, by stages of decreasing slack."""
     count = len(prior.noise_deg)
     objective = _Objective(rows, prior, Parts(part, np.arange(count)))
     u = np.zeros((prior.root_mm.shape[1], count))
@@ -336,7 +338,7 @@ def _stage_step(soft: _Slack, steps: Steps) -> Steps:
 
 
 def _first(objective: _Objective, u, angles) -> Steps:
-    """A point to be accepted, whatever it is like."""
+    """Create the state of the starting point, which is always accepted because its merit is infinite."""
     (n, count), rows = u.shape, angles.shape[1]
     no_angles, none, never = np.zeros((6, rows)), np.zeros((3, rows)), np.zeros(count, bool)
     of_rows = _OfRows(angles, none, no_angles, none, none, none)
@@ -348,7 +350,7 @@ def _first(objective: _Objective, u, angles) -> Steps:
 
 
 def _stepped(objective: _Objective, steps: Steps) -> Steps:
-    """Try the step of every person: accept its end and find the next step there, or come back part of the way."""
+    """Try the step of every person: accept it and compute the next step from its end, or shorten it."""
     (of_rows, _, own), part, effects = steps, objective.parts.part, objective.rows.active_effects.effects
     u = own.u + own.length * own.du
     angles, multipliers = (
@@ -371,12 +373,12 @@ def _stepped(objective: _Objective, steps: Steps) -> Steps:
 
 
 def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _OfGroups]:
-    """The step from these points."""
+    """Compute the next step from accepted points."""
     u, length, damping, steps, half_F = groups
     effects, part, variance = objective.rows.active_effects.effects, objective.parts.part, objective.prior.noise_deg**2
     found = eliminate(effects, at)
     matrix, slope, slope_there = objective.in_u(found)
-    # where a posture cannot be eliminated: the end of this person, and of nobody else
+    # a posture that cannot be eliminated ends the search of its own person only
     finite = np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(slope).all(axis=0)
     matrix, slope = np.where(np.reshape(finite, (-1, 1, 1)), matrix, 0.0), np.where(finite, slope, 0.0)
     more, less = np.clip(_MORE * damping, _LEAST, _MOST), _LESS * damping * (damping > _LEAST)
@@ -394,7 +396,7 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
 
 
 def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]:
-    """The lowest point of the damped model; where it is concave along a direction, as far down as if it were convex."""
+    """Compute the step to the minimum of the damped model; negative curvature counts by its absolute value."""
     n = matrix.shape[1]
     curvature = matrix + (variance * (1.0 + damping))[:, None, None] * np.eye(n)
     du = -_solved(curvature, slope.T)
@@ -408,17 +410,17 @@ def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]
 
 
 def _solved(matrices: Float[np.ndarray, "problems n n"], b: Float[np.ndarray, "problems n"]):
-    """Solve each system; one that is singular to rounding, with the least |x|."""
+    """Solve each system; a numerically singular system gets the solution with the least |x|."""
     try:
         return np.linalg.solve(matrices, b[..., None])[..., 0]
     except np.linalg.LinAlgError:
-        if len(matrices) > 1:  # the others as they would be without it
+        if len(matrices) > 1:  # one by one, so that the other solutions do not depend on the singular one
             return np.concatenate([_solved(matrices[k : k + 1], b[k : k + 1]) for k in range(len(matrices))])
         return (np.linalg.pinv(matrices, hermitian=True) @ b[..., None])[..., 0]
 
 
 def _definite(matrices: Float[np.ndarray, "problems n n"]) -> Bool[np.ndarray, " problems"]:
-    """Which are positive definite."""
+    """Test which matrices are positive definite."""
     try:
         np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
@@ -427,5 +429,5 @@ def _definite(matrices: Float[np.ndarray, "problems n n"]) -> Bool[np.ndarray, "
 
 
 def _augmented(target, stiffness, g_mm) -> Float[np.ndarray, " rows"]:
-    """lambda'g + 1/2 g' s g."""
+    """Compute lambda'g + 1/2 g' s g per posture."""
     return ((target + 0.5 * stiffness * g_mm) * g_mm).sum(axis=0)

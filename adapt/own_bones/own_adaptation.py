@@ -1,12 +1,14 @@
-"""Adaptation with bones and frames of each person's own, in place of min E = D + w mean(J) within bounds.
+"""Adaptation with own bones: bones and measured frames of each person.
+
+In place of E = D + w mean(J) within bounds, the objective is
 
     E_own = w / m (S + sigma^2 |z|^2)
 
 with S the sum of the squared differences of the m measured angles, deg^2: -2 log of the posterior
-(``own_bones.most_probable``) times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the other term
-takes the place of D. D has no part in it: the thorax points of a set are another person's, and move and grow with the
-thorax. What they say of this person is how far people differ, the prior of the six adapted parameters; a set with
-points of the person has the SDs of their fit there. w changes no optimum.
+(``own_bones.most_probable``) times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the second term
+takes the place of D. D is left out because the thorax points of a set are another person's, and move and grow with the
+thorax. The points inform about this person only by how far people differ, the prior of the six adapted parameters; in a
+set with points of the person, this prior has the SDs of the fit to these points. w does not change the optimum.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,73 +55,75 @@ from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions.table import FEWEST_ANGLES, person_of
 
 _DIMENSIONS = 24
-"""What the chain can tell apart: the 27 numbers of a girdle less the three of SC, which stands at 0."""
+"""Number of directions that the chain can distinguish: the 27 numbers of a girdle less the three of SC, which is 0."""
 
 _FEWEST_PERSONS, _FEWEST = 10, 5
-"""Of a run whose scales are learnt, and of those whose fit has settled, another group left out. Six bone-pin shoulders
-of three cadavers would make bones twice as different as people's are."""
+"""Fewest persons of a run whose scales are learnt, and fewest problems with a usable fit, also with a group left out.
+From six bone-pin shoulders of three cadavers, bones would seem to differ twice as much as between people."""
 
 _LEARNING_ROUNDS = 2
-"""Fits whose linearisation the scales are learnt from: of the bone-pin shoulders a third changes none by 5 %."""
+"""Number of rounds: a fit, and scales learnt from its linearisation. A third round changes no scale of the bone-pin
+shoulders by 5 %."""
 
 _GROUPS = 6
-"""Of persons that scales are learnt without: more take longer and tell little more."""
+"""Number of groups of persons left out in turn when scales are learnt. More groups take longer and change little."""
 
 _MOST_PERSONS = 100
-"""Of more a sample is learnt from: a hundred tell a scale to some 3 %."""
+"""Largest number of subjects that scales are learnt from; of more, a sample is taken. A hundred determine
+a scale to some 3 %."""
 
 _LEARNING_STEPS, _NOISE_ROUNDS = 30, 5
-"""Scales are learnt from closed chains, where so many steps lead, at an optimum or not: y has what is open, and its
-slopes. Most rounds of a noise."""
+"""Largest numbers of steps before scales are learnt, and of rounds for a noise. Chains have to be closed but need not
+be at the optimum: y and its Jacobian at the last point contain what remains."""
 
 _RANK = 1e-12
-"""Variance, relative to the largest, below which the prior holds a direction at the set's."""
+"""Prior variance, relative to the largest, up to which a direction keeps the set's value."""
 
 
 WORDS = np.array(["adapted", "do_not_predict", "not_converged"])
-"""What became of the bones of a person's own: where they do not predict the person's motions, or were not found, the
-plain adaptation is kept."""
+"""Outcomes of own bones. Where own bones do not predict the person's motions or the search has not converged, the plain
+adaptation is kept."""
 
 HERE, DO_NOT_PREDICT, NOT_CONVERGED = range(len(WORDS))
 
 
 class OwnBones(NamedTuple):
-    """What was found of each problem's sizes (``models.person.own_bones.SIZES``, in their units)."""
+    """Posterior of each problem's sizes (``models.person.own_bones.SIZES``, in their units)."""
 
     sizes: Float[np.ndarray, "sizes problems"]
     covariance: Float[np.ndarray, "sizes sizes problems"]
-    """By the curvature of the posterior (Gauss-Newton), and what that is too sure of (``unsure``)."""
+    """Posterior covariance by the curvature (Gauss-Newton), widened as in ``unsure``."""
     prior_sd: Float[np.ndarray, "sizes problems"]
-    """With the scale of its group."""
+    """Prior SD, including the scale of the size's group."""
     scales: Float[np.ndarray, "scales problems"]
-    """In the order of ``Scales``: of each group, and the noise in degrees."""
+    """Scale of each group, then the noise in degrees: the order of ``Scales``."""
     code: Int[np.ndarray, " problems"]
-    """Of ``WORDS``."""
+    """Index in ``WORDS``."""
     told: Float[np.ndarray, "sizes problems"]
-    """The share of the prior variance that was taken away, were the scales known."""
+    """Fraction of the prior variance that the data remove if the scales are known."""
 
     @property
     def word(self) -> Shaped[np.ndarray, " problems"]:
-        """Whether they were adapted, and why not."""
+        """Outcome of each problem, from ``WORDS``."""
         return WORDS[self.code]
 
     @property
     def distance(self) -> Float[np.ndarray, " problems"]:
-        """How far a person is from the set, in SDs of people, in the directions that the motions tell (one at least).
+        """Distance of a person from the set, in SDs of people, in the directions (at least one) that motions determine.
 
-        Root of |u|^2 / (n - tr of the posterior covariance of u), 1 in the mean where people are as the prior says.
+        Root of |u|^2 / (n - tr of the posterior covariance of u), with mean 1 where people differ as the prior says.
         """
         sd = np.where(self.prior_sd > 0.0, self.prior_sd, 1.0)
         return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(self.told.sum(axis=0), 1.0))
 
     @property
     def sd(self) -> Float[np.ndarray, "sizes problems"]:
-        """The posterior SDs."""
+        """Posterior SDs of the sizes."""
         return np.sqrt(np.einsum("kkp->kp", self.covariance))
 
 
 def spread_of(models: Sequence[AnyModel], subjects: Sequence[str], sds: OwnSDs = NO_SDS) -> Spread:
-    """Lay out how persons differ about the set of every subject with every model."""
+    """Compute the spread of persons about the set of every subject with every model."""
     sets, place = unique_sets(models, subjects)
     each = [spread_about(one, sds) for one in sets]
     return Spread(*(np.stack(parts, axis=-1)[..., place] for parts in zip(*each, strict=True)))
@@ -128,8 +132,8 @@ def spread_of(models: Sequence[AnyModel], subjects: Sequence[str], sds: OwnSDs =
 def with_landmarks(
     spread: Spread, data: Problems, rows: PostureRows, models: Sequence[AnyModel], problem: Int[np.ndarray, " parts"]
 ) -> Spread:
-    """Add what positions of landmarks in the postures of each part of a problem say; of what the person's set has
-    measured, nothing: it may come from the same landmarks."""
+    """Add the numbers that landmark positions measure in the postures of each part of a problem. Numbers that the
+    person's set has measured are left out, because they may come from the same landmarks."""
     if not {"SC", "AC", "TS", "AI"} & rows.landmarks_mm.keys():
         return spread
     packed = {name: rows.packed(place) for name, place in rows.landmarks_mm.items()}
@@ -146,20 +150,21 @@ def with_landmarks(
 
 @dataclass(frozen=True)
 class People:
-    """How the persons of a run differ, by the name of a model: what each of them is adapted with."""
+    """Variation between the persons of a run, by model name, with which each person is adapted."""
 
     sds: OwnSDs
-    """SDs in place of those of ``SIZES``, by name. A dict, which can be sent to a worker."""
+    """SDs by name that replace those of ``SIZES``. A dict, because it is sent to worker processes."""
     everybody: Mapping[str, Scales]
+    """Scales learnt from all persons."""
     without: Mapping[str, Mapping[str, Scales]]
-    """By person: learnt without this person, for what is held out. Nobody else's scales know anything of a person."""
+    """Scales by person, learnt without this person, for held-out predictions."""
     are_few: bool = False
-    """Nothing was learnt of them: the noise of each is, alone."""
+    """True where the persons are too few to learn scales; each person's noise is then learnt alone."""
     unsure: Mapping[str, Unsure] = field(default_factory=dict)
-    """What the covariance of sizes is too sure of, without ``problems``."""
+    """Corrections of the covariance of sizes, without the axis ``problems``."""
 
     def of(self, models: Sequence[AnyModel], subjects: Sequence[str], held_out: bool = False) -> list[Scales]:
-        """Give the scales of every subject with every model."""
+        """Return the scales of every subject with every model."""
         found = []
         for model in models:
             everybody, without = self.everybody[model.name], self.without[model.name] if held_out else {}
@@ -167,13 +172,13 @@ class People:
         return found
 
     def unsure_of(self, models: Sequence[AnyModel], subjects: Sequence[str]) -> Unsure:
-        """Lay out what is unsure of every subject with every model; nothing of few persons."""
+        """Return the covariance corrections of every subject with every model; zeros for few persons."""
         each = [self.unsure.get(model.name, Unsure(*np.zeros((2, len(GROUPS))))) for model in models]
         return Unsure(*(np.repeat(np.array(one).T, len(subjects), axis=1) for one in zip(*each, strict=True)))
 
 
 class _Optimum(NamedTuple):
-    """The most probable girdles of some problems, as far as thirty steps lead."""
+    """Girdles of some problems after at most thirty steps towards the posterior mode."""
 
     rows: Rows
     part: Int[np.ndarray, " rows"]
@@ -183,8 +188,8 @@ class _Optimum(NamedTuple):
 
 
 def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS, held_out: bool = True) -> People:
-    """Learn the scales of each model from these subjects, of many from a sample; where parts are ``held_out`` without
-    each person of whom it was learnt, of many without each sixth of them."""
+    """Learn the scales of each model from these subjects, or from a sample of many. For ``held_out`` parts, also learn
+    them without each sixth of the persons."""
     chosen, sds = np.flatnonzero(np.isin(rows.subjects, sample(rows.subjects))), dict(sds)
     subjects = tuple(rows.subjects[k] for k in chosen.tolist())
     persons = [person_of(subject) for subject in subjects]
@@ -222,7 +227,7 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
 
 
 def _untold(at: _Optimum, known: Bool[np.ndarray, " problems"], models: int) -> Float[np.ndarray, "models groups"]:
-    """beta of each model over the persons that are known."""
+    """Compute beta of each model and group over the problems that are ``known``."""
     more, told = (
         (IN_GROUP.T @ one).reshape(len(GROUPS), models, -1).sum(axis=2).T for one in overstated(*at, known, models)
     )
@@ -230,7 +235,7 @@ def _untold(at: _Optimum, known: Bool[np.ndarray, " problems"], models: int) -> 
 
 
 def _learnt_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence[Scales]) -> list[Scales]:
-    """The scales of each run; of few problems, those of the prior."""
+    """Learn the scales of each run; a run of too few problems keeps the scales of the prior."""
     found, enough = [PRIOR] * len(runs), np.flatnonzero(runs.sum(axis=1) >= _FEWEST).tolist()
     for k, one in zip(enough, learnt(of, runs[enough], [start[k] for k in enough]), strict=True):
         found[k] = one
@@ -238,18 +243,18 @@ def _learnt_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], star
 
 
 def _variances_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], scales: Sequence[Scales]):
-    """How unsure the scales of each run are; those of the prior are taken as known."""
+    """Compute the relative variances of the scales of each run; 0 for scales from the prior."""
     found, enough = np.zeros((len(runs), len(GROUPS))), np.flatnonzero(runs.sum(axis=1) >= _FEWEST)
     found[enough] = relative_variances(of, runs[enough], [scales[k] for k in enough.tolist()])
     return found
 
 
 def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
-    """Learn the noise of each problem alone, and nothing else.
+    """Learn only the noise, for each problem alone.
 
-    A person who is farther from the set than most must not count as noise: the noise is the most probable one together
-    with scales of this person's own SDs, and these are then left at 1. Where the chain does not close with a noise, it
-    is tried with twice as much.
+    The distance of an unusual person from the set must not count as noise. So noise and scales are estimated together
+    from this person, and the scales are then set to 1. Where the chain does not close with a noise, the noise is
+    doubled.
     """
     noise_deg = np.full(data.counted.shape[1], PRIOR.noise_deg)
     rounds = np.zeros(len(noise_deg), int)
@@ -271,7 +276,7 @@ def _with_noise(noise_deg: Float[np.ndarray, " problems"]) -> list[Scales]:
 
 
 def sample(subjects: Sequence[str]) -> tuple[str, ...]:
-    """Take the subjects that scales are learnt from, of many one in so many in the order of the files."""
+    """Select the subjects that scales are learnt from; of many, evenly in the order of the files."""
     return one_in_so_many(subjects, _MOST_PERSONS)
 
 
@@ -283,7 +288,7 @@ def _optimum(data: Problems, spread: Spread, scales: Sequence[Scales]) -> _Optim
 
 
 def _moments(spread: Spread, at: _Optimum) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
-    """And of whom there are any."""
+    """Compute the moments, and for which problems the likelihood can be computed."""
     of = moments(of_chain(spread.columns_mm), at.prior, at.found, at.rows, at.part)
     return of, at.found.closed & are_known(of)
 
@@ -298,8 +303,8 @@ def adapt_own_bones(
 ) -> tuple[Problems, Adapted, OwnBones]:
     """Find the most probable girdle of each problem: the problems with that girdle, the adaptation and the sizes.
 
-    ``unsure``: what the covariance of the sizes is less sure of than the slopes say; without it, nothing. ``kin``: a
-    number that problems with other postures of the same person share; without it, each is of another person.
+    ``unsure``: corrections of the covariance of the sizes; by default none. ``kin``: number of the person, shared by
+    problems with other postures of the same person; by default each problem is of another person.
     """
     rows, part, posture = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
@@ -314,21 +319,24 @@ def adapt_own_bones(
 
 
 def _rows_of(data: Problems) -> tuple[Rows, Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
-    """The postures that count, problem by problem; the problem and the place of each."""
+    """Collect the postures that count, by problem, with the problem and the place of each."""
     problem, posture = np.nonzero(data.counted.T)
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
     return Rows(angles, measured, data.active_effects.at(posture, problem)), problem, posture
 
 
 class _Sizes(NamedTuple):
-    """What is believed of the sizes of each problem, in SDs, before any angle is looked at: N(m, L L')."""
+    """Prior N(m, L L') of the sizes of each problem, in SDs, including landmarks but no angles."""
 
     mean: Float[np.ndarray, "problems sizes"]
     root: Float[np.ndarray, "problems sizes sizes"]
 
 
 def _sizes(spread: Spread, scales: Sequence[Scales]) -> _Sizes:
-    """With J the slopes of the numbers that landmarks measure and W their precisions: (1 + J'W J)^-1 (1, J'W more)."""
+    """Compute covariance (1 + J'W J)^-1 and mean (1 + J'W J)^-1 J'W more of the prior of the sizes.
+
+    J is the Jacobian of the numbers that landmarks measure, W their precisions, ``more`` their excess over the set's.
+    """
     n, count = len(spread.sd), len(scales)
     mean, root = np.zeros((count, n)), np.tile(np.eye(n), (count, 1, 1))
     some = np.flatnonzero(np.isfinite(spread.more_mm).any(axis=0))
@@ -346,7 +354,7 @@ def _sizes(spread: Spread, scales: Sequence[Scales]) -> _Sizes:
 def _prior(
     data: Problems, spread: Spread, scales: Sequence[Scales]
 ) -> tuple[Prior, Float[np.ndarray, "sizes n problems"]]:
-    """The prior of the chain, and what of the sizes (L^-1 (z - m)) u stands for: B' (R')^+ with B = C L."""
+    """Compute the prior of the chain, and the map B' (R')^+ from u to the sizes L^-1 (z - m), with B = C L."""
     columns, before = persons_first(of_chain(spread.columns_mm) * _of_sizes(scales)), _sizes(spread, scales)
     B = columns @ before.root
     moved = (columns @ before.mean[..., None])[..., 0].T
@@ -368,7 +376,7 @@ def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
 def _own_bones(
     spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part, unsure: Unsure
 ) -> tuple[OwnBones, Float[np.ndarray, "numbers problems"]]:
-    """The posterior of the sizes: their means, and what they add to the girdle."""
+    """Compute the posterior of the sizes, and the change of the girdle by their means."""
     sd, shares, before = persons_first(spread.sd * _of_sizes(scales)), persons_first(shares), _sizes(spread, scales)
     S = before.root @ shares
     mean = before.mean + (S @ persons_first(found.u)[..., None])[..., 0]
@@ -397,7 +405,7 @@ def _as_adapted(data: Problems, weight: float, found: Posterior, fitted: Posture
         return whole
 
     theta = np.asarray(data.girdle.adapted_mm)
-    several = np.append(np.arange(count), 0)  # of one problem alone numpy adds up in another order
+    several = np.append(np.arange(count), 0)  # numpy sums a single problem in another order
     D = thorax_distance_mm2(*take_problems((data.girdle, data.points_mm, data.point_weights), several))[:count]
     mean_j = np.bincount(problem, fitted.j_deg2, count) / np.maximum(np.bincount(problem, minlength=count), 1)
     closed = np.bincount(problem, ~fitted.converged, count) == 0

@@ -1,7 +1,7 @@
 """One Newton step of a posture's optimality conditions with every number of the girdle left free, by JAX.
 
-What ``adapt.solvers.newton.elimination`` does with derivatives by hand for the ellipsoid and the conoid, for all
-numbers x of a girdle, with effects, and with derivatives by JAX: see there for K, S, rho, tau and mu.
+``adapt.solvers.newton.elimination`` does the same for the ellipsoid and the conoid, with derivatives written by hand,
+and defines K, S, rho, tau and mu. This module takes all numbers x of a girdle, with effects, and derivatives by JAX.
 """
 
 import functools
@@ -24,19 +24,19 @@ from motions.arrays import Array
 _N = COUNT_OF_NUMBERS
 
 _PIVOT_FLOOR = 1e-6
-"""Smallest pivot of K, relative to the largest weight, of a posture at a minimum; another goes without curvature."""
+"""Smallest pivot of K, relative to the largest weight, at a minimum; below this pivot, the step omits curvature."""
 
 _CHUNK = 256
 
 
 def persons_first(values: Float[np.ndarray, "*k problems"]) -> Float[np.ndarray, " problems *k"]:
-    """Lay out the numbers of each person one after the other, so that sums over them are the same to the last digit
-    whoever else is there."""
+    """Move the axis of persons to the front in contiguous memory, so that rounding in sums over a person's numbers does
+    not depend on the other persons in the batch."""
     return np.ascontiguousarray(values.transpose(-1, *range(values.ndim - 1)))
 
 
 class Postures(NamedTuple):
-    """Rows: numbers of the girdle, strengths of effects, angles q, multipliers, measured angles s, weights W."""
+    """Inputs per posture: numbers x, strengths of effects, angles q, multipliers, measured angles s, weights W."""
 
     numbers_mm: Float[np.ndarray, "numbers rows"]
     strengths: Float[np.ndarray, "channels rows"]
@@ -47,36 +47,36 @@ class Postures(NamedTuple):
 
 
 class Eliminated(NamedTuple):
-    """A row's share of the quadratic model in x, its own step eliminated."""
+    """Contribution of each row to the quadratic model in x, with the row's own step eliminated."""
 
     slope: Float[np.ndarray, "numbers rows"]
     matrix: Float[np.ndarray, "entries rows"]
-    """Lower triangle, row by row."""
+    """Lower triangle of the Hessian, row by row."""
     x_slope: Float[np.ndarray, "numbers rows"]
-    """T' lambda: that of E where the posture stands at its optimum."""
+    """T' lambda: gradient of E where the posture is at its optimum."""
     g_mm: Float[np.ndarray, "3 rows"]
     stiffness: Float[np.ndarray, "3 rows"]
     unstationary: Float[np.ndarray, " rows"]
     """max |W (q - s) + G' lambda|."""
     steps: Float[np.ndarray, "both rows"]
-    """Of q (rad), and the new multipliers: where the numbers stay, and a millimetre of each; row by row."""
+    """Steps of q (rad) and the new multipliers: with x fixed, then the change per mm of each number; row by row."""
 
     def at(self, dx_mm: Float[np.ndarray, "numbers rows"]) -> tuple[np.ndarray, np.ndarray]:
-        """Compute dq (rad) and the new multipliers of every posture for a step of the numbers."""
+        """Compute dq (rad) and the new multipliers of every posture for a step ``dx_mm`` of the numbers."""
         still, *by_number = self.steps.reshape(9, 1 + _N, -1).swapaxes(0, 1)
         found = still.copy()
-        for along, moved in zip(by_number, dx_mm, strict=True):  # in this order whoever else is there
+        for along, moved in zip(by_number, dx_mm, strict=True):  # a fixed order: rounding is the same in any batch
             found += along * moved
         return found[:6], found[6:]
 
 
 def eliminate(effects: tuple[Effect, ...], at: Postures) -> Eliminated:
-    """Eliminate the step of every posture."""
+    """Eliminate the step of every posture from the quadratic model."""
     return Eliminated(*_elimination_kernel(effects)(*at))
 
 
 def violations_mm(effects: tuple[Effect, ...], at: Postures) -> Float[np.ndarray, "3 rows"]:
-    """Compute A1-A3."""
+    """Compute the violations of the constraints A1 to A3."""
     return _violation_kernel(effects)(at.numbers_mm, at.strengths, at.angles)[0]
 
 

@@ -1,15 +1,15 @@
-"""How much the persons of a run differ: a scale of the SDs of each group of sizes, and the noise, by their likelihood.
+"""Variation between the persons of a run: scales of the SDs of each group of sizes, and the noise, by their likelihood.
 
-About the most probable girdles the distances y of the chain are linear in the sizes, y = T (c z - x + x_0) + y_0, and
-the sizes of each person integrate out. With B the columns times the scales of their groups, A = T'T and sigma^2 the
-noise,
+Near the most probable girdles the distances y of the chain are linear in the sizes, y = T (c z - x + x_0) + y_0, and
+the sizes of each person integrate out. With B the columns times the scales of their groups, A = T'T and the noise
+variance sigma^2,
 
     M = B' A B / sigma^2,   v = B' T' b / sigma^2,   H = 1 + M,   z = H^-1 v
     -2 log p = sum over persons of  m log sigma^2 + log det H + |b|^2 / sigma^2 - v' z
     d/d(log scale of g) = 2 sum_{i in g} (1 - (H^-1)_ii - z_i^2)
 
-of m informative numbers, of a posture the angles that were measured less three. The scales have a prior about 1, so
-that a few persons stay near it, and persons who do not differ lead to 0.
+with m informative numbers: per posture the number of measured angles less three. The scales have a prior about 1: with
+few persons they stay near 1, and for persons who do not differ they go to 0.
 """
 
 from collections.abc import Sequence
@@ -25,33 +25,34 @@ from models.person.own_bones import GROUPS, SIZES
 from motions.table import FEWEST_ANGLES
 
 SCALE_SD, LOG_NOISE_SD = 0.6, 0.7
-"""Of a scale about 1, and of the logarithm of the noise: twice the SDs of ``SIZES``, and persons who do not differ, are
-1.7 SDs off; half or twice the noise is 1."""
+"""Prior SDs of a scale about 1 and of the logarithm of the noise. Scales of 2 (twice the SDs of ``SIZES``) and 0
+(persons who do not differ) are 1.7 SDs off; half or twice the typical noise is 1 SD off."""
 
 TYPICAL_NOISE_DEG = 0.8
-"""Between bone pins, 0.4, and palpation, 1.5: of an angle, with what the chain cannot do."""
+"""Typical noise of an angle, including what the chain cannot follow: between bone pins (0.4) and palpation (1.5)."""
 
 _LEAST_SCALE, MOST_SCALE = 0.02, 2.0
-"""Nobody differs; and people are at most twice as different as ``SIZES`` say: what is beyond is no bone, but what the
-chain cannot do, and noise."""
+"""Limits of a scale: at the lower limit nobody differs; at the upper limit people differ twice as much as ``SIZES``
+say. Larger differences are not bones, but noise and what the chain cannot follow."""
 
 _NOISES_DEG = (0.05, 10.0)
 
 _LARGEST = 1e13
-"""Of an element of M, below which M + 1 is positive definite to rounding."""
+"""Largest element of M; below it M + 1 is positive definite in spite of rounding."""
 
 _FLAT = 1e-3
-"""Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off at most."""
+"""Tolerance of the gradient of -2 log p in the logarithms, which are then at most 1e-4 SDs from the optimum."""
 
 _MOST_STEPS, _SHORTER, _SHORTEST = 100, 0.3, 1e-6
-"""Most take 4 to 10; factor on a step that leads up, and the share of a step below which it is rounding that ends."""
+"""Largest number of steps (most runs take 4 to 10), factor on a step that increases -2 log p, and the fraction of a
+step below which only rounding prevents a decrease."""
 
 _ROUNDING = 1e-13
-"""Relative, of -2 log p."""
+"""Relative rounding error of -2 log p."""
 
 
 class Scales(NamedTuple):
-    """Of the SDs of each group, and the noise."""
+    """Scales of the SDs of each group of sizes, and the noise."""
 
     adapted: float = 1.0
     bones: float = 1.0
@@ -60,7 +61,7 @@ class Scales(NamedTuple):
 
     @property
     def of_sizes(self) -> Float[np.ndarray, " sizes"]:
-        """The scale of each of ``SIZES``."""
+        """Scale of each of ``SIZES``."""
         return np.array(self)[GROUP_OF_SIZE]
 
 
@@ -76,22 +77,22 @@ _LEAST, _MOST = np.log(
 
 
 class Moments(NamedTuple):
-    """What the likelihood of each person needs."""
+    """Quantities that determine the likelihood of each person."""
 
     A: Float[np.ndarray, "sizes sizes problems"]
-    """C' T'T C, C the columns at scale 1."""
+    """C' T'T C, with C the columns at scale 1."""
     c: Float[np.ndarray, "sizes problems"]
     """C' T' b."""
     square: Float[np.ndarray, " problems"]
     """|b|^2, deg^2."""
     informative: Int[np.ndarray, " problems"]
-    """m."""
+    """Number m of informative values."""
 
 
 def informative(
     measured: Bool[np.ndarray, "6 rows"], part: Int[np.ndarray, " rows"], problems: int
 ) -> Int[np.ndarray, " problems"]:
-    """Count the numbers of each problem that say something of its girdle."""
+    """Count the numbers of each problem that inform about its girdle: measured angles less three per posture."""
     return np.bincount(part, np.maximum(measured.sum(axis=0) - FEWEST_ANGLES, 0), problems).astype(int)
 
 
@@ -102,7 +103,7 @@ def moments(
     rows: Rows,
     part: Int[np.ndarray, " rows"],
 ) -> Moments:
-    """Collect them at the most probable girdles."""
+    """Compute the moments of the likelihood at the most probable girdles."""
     y, slopes = found.nearest.y, found.nearest.by_theta
     x = prior.numbers_at(found.u) - prior.numbers_mm
     b = np.einsum("ikr,kr->ir", slopes, x[:, part]) - y
@@ -118,9 +119,9 @@ def moments(
 
 
 def are_known(of: Moments) -> Bool[np.ndarray, " problems"]:
-    """Tell whose likelihood can be computed with all scales and noises within the limits.
+    """Check for which problems the likelihood can be computed with all scales and noises within the limits.
 
-    A chain that hardly closes has slopes without end.
+    The Jacobian of a chain that hardly closes has no bound.
     """
     finite = np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & np.isfinite(of.c).all(axis=0)
     largest = np.abs(of.A).max(axis=(0, 1)) * (MOST_SCALE / _NOISES_DEG[0]) ** 2
@@ -128,9 +129,9 @@ def are_known(of: Moments) -> Bool[np.ndarray, " problems"]:
 
 
 def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence[Scales]) -> list[Scales]:
-    """Find the most probable scales of the problems of each run, from those of ``start``.
+    """Find the most probable scales for the problems of each run, starting from ``start``.
 
-    Newton's method within the limits, each run on its own.
+    Newton's method within the limits; runs are independent.
     """
     if not len(runs):
         return []
@@ -156,9 +157,9 @@ def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence
 def relative_variances(
     of: Moments, runs: Bool[np.ndarray, "runs problems"], found: Sequence[Scales]
 ) -> Float[np.ndarray, "runs groups"]:
-    """Compute the variance of each group's scale at its most probable value, relative to the square of that.
+    """Compute the variance of each group's scale at its most probable value, relative to the square of this value.
 
-    By the curvature in the scales themselves: the logarithm of one that is nearly 0 has none.
+    The curvature is taken in the scales themselves, because it vanishes in the logarithm of a scale near 0.
     """
     if not len(runs):
         return np.zeros((0, len(GROUPS)))
@@ -171,25 +172,26 @@ def relative_variances(
 
 
 def _newton(slope, curvature, expected, free) -> Float[np.ndarray, "scales runs"]:
-    """The step of those that are free, by the expected curvature where the other one is not positive definite."""
+    """Compute the Newton step of the scales that are not held at a limit (``free``)."""
     both, unit = free[:, None] & free, np.eye(len(slope))[..., None]
     matrices = _convex(*(np.where(both, one, unit) for one in (curvature, expected)))
     return np.linalg.solve(matrices, (slope * free).T[..., None])[..., 0].T
 
 
 def _convex(curvature, expected) -> Float[np.ndarray, "runs scales scales"]:
-    """The curvature of each run, where it is not positive definite the one expected."""
+    """Return the Hessian of each run, or the expected Hessian where the Hessian is not positive definite."""
     own, other = (np.moveaxis(one, -1, 0) for one in (curvature, expected))
     convex = np.linalg.eigvalsh(own)[:, 0] > 0.0
     return np.where(convex[:, None, None], own, other)
 
 
 def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: Moments, run: Int[np.ndarray, " pairs"]):
-    """Compute it with the prior of the logarithms for each run, its slopes, its curvature and the one expected.
+    """Compute -2 log p with the prior for each run, its gradient, Hessian and expected Hessian in the logarithms.
 
-    ``of``: of each pair of a run and one of its problems, ``run`` ascending. With K = 1 - H^-1 the second derivatives
-    are 4 (H^-1_ij K_ij - z_i z_j (2 H^-1_ij - delta_ij)), summed over i in g and j in h, for two scales, 4 (2 z_i (H^-1
-    z)_i - (H^-1 K)_ii) for one and the noise; those expected 4 K_ij^2 and 4 (H^-1 K)_ii.
+    ``of``: moments per pair of a run and one of its problems; ``run``: run of each pair, ascending. With K = 1 - H^-1
+    the second derivatives are 4 (H^-1_ij K_ij - z_i z_j (2 H^-1_ij - delta_ij)), summed over i in g and j in h, for two
+    scales, and 4 (2 z_i (H^-1 z)_i - (H^-1 K)_ii) for a scale and the noise; their expectations 4 K_ij^2 and
+    4 (H^-1 K)_ii.
     """
     s, variance = np.exp(logarithms)[GROUP_OF_SIZE][:, run], (PRIOR.noise_deg * np.exp(logarithms[-1, run])) ** 2
     M, v = persons_first(of.A * s[:, None] * s / variance), persons_first(of.c * s / variance)
@@ -212,7 +214,7 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
 
 
 def _of_prior(logarithms: Float[np.ndarray, "scales runs"]):
-    """-2 log of it, with its slopes and curvatures: normal in the scales, and in the logarithm of the noise."""
+    """Compute -2 log prior with its derivatives: normal in the scales and in the logarithm of the noise."""
     scale, noise = np.exp(logarithms[:-1]), logarithms[-1:]
     off, off_noise = (scale - 1.0) / SCALE_SD, noise / LOG_NOISE_SD
     value = (off**2).sum(axis=0) + (off_noise**2)[0]
@@ -224,12 +226,12 @@ def _of_prior(logarithms: Float[np.ndarray, "scales runs"]):
 
 
 def _by_group(of_sizes: Float[np.ndarray, "pairs sizes"]) -> Float[np.ndarray, "pairs groups"]:
-    """Add up each pair by itself, so that sums are the same to the last digit whoever else is there."""
+    """Sum the sizes of each group, pair by pair, so that rounding does not depend on the other pairs in the batch."""
     return (of_sizes[:, None] @ IN_GROUP)[:, 0]
 
 
 def _bordered(of_sizes, with_noise, of_noise) -> Float[np.ndarray, "pairs scales scales"]:
-    """4 times the sums over the sizes of each group, bordered by those with the noise."""
+    """Compute 4 times the sums over the sizes of each group, bordered by the entries of the noise."""
     border = _by_group(with_noise)
     of_groups = IN_GROUP.T @ of_sizes @ IN_GROUP
     upper = np.append(of_groups, border[:, :, None], axis=2)

@@ -1,4 +1,4 @@
-"""The report of a run: one HTML file that opens without a network, with figures to step, turn and choose from."""
+"""Report of a run: one HTML file that opens without a network, with interactive figures."""
 
 from adapt.report.page import report_html
 

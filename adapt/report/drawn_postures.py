@@ -1,4 +1,4 @@
-"""Which postures a report draws, so that it stays a file that can be mailed and opens at once."""
+"""Choice of the postures that a report draws, so that the file can be mailed and opens at once."""
 
 from collections.abc import Mapping
 
@@ -8,17 +8,17 @@ from jaxtyping import Int
 from motions.table import Motions
 
 MOST_DRAWN = 6000
-"""Postures times parameter sets. Each takes 0.5 kB, all of them 3 MB beside the 4.8 MB of the library that draws."""
+"""Largest number of postures times parameter sets: 3 MB at 0.5 kB each, beside 4.8 MB of the plotting library."""
 
 MOST_OF_A_SUBJECT = 300
-"""Postures of one subject: a slider with more has no place for each."""
+"""Largest number of postures of one subject; a slider has no room for more."""
 
 
 def chosen_subjects(motions: Motions, models: int, gap_deg: Mapping[str, float]) -> tuple[str, ...]:
     """Choose the subjects to draw: all of them, or as many as fit, in the order of the motions.
 
-    As many as fit are taken evenly from the smallest to the largest gap. ``gap_deg`` is what the adapted model leaves;
-    subjects without one come after the largest.
+    Where not all fit, subjects are chosen evenly from the smallest to the largest gap. ``gap_deg`` is the gap after
+    adaptation; subjects without a gap come after the largest.
     """
     subjects = motions.subjects
     longest = max(int((motions.subject == name).sum()) for name in subjects)
@@ -33,7 +33,7 @@ def chosen_subjects(motions: Motions, models: int, gap_deg: Mapping[str, float])
 def chosen_rows(motions: Motions, models: int, subjects: tuple[str, ...]) -> Int[np.ndarray, " rows"]:
     """Choose the rows of the motions to draw: by subject, then motion, in the order of the postures.
 
-    Of a subject with very many postures, evenly chosen ones.
+    Rows of a subject with very many postures are chosen evenly.
     """
     names = {name: number for number, name in enumerate(dict.fromkeys(motions.motion.tolist()))}
     motion = np.array([names[name] for name in motions.motion.tolist()])
@@ -50,5 +50,5 @@ def _most_of_a_subject(models: int) -> int:
 
 
 def evenly(count: int, most: int) -> Int[np.ndarray, " chosen"]:
-    """Indices below ``count``, at most so many, the first and the last among them."""
+    """Choose evenly at most ``most`` indices below ``count``, including the first and the last."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))

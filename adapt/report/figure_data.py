@@ -1,4 +1,4 @@
-"""The numbers that the figures of a report are drawn from, each once, as plain JSON types."""
+"""Data of the figures in a report as plain JSON types, every number stored once."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -27,10 +27,10 @@ from motions.table import ANGLE_NAMES, ANGLES, Motions
 Rows = Int[np.ndarray, " rows"]
 
 COLUMNS = (*ANGLES, "clavicle", "scapula")
-"""Of the table of subjects, mean absolute differences."""
+"""Columns of the table of subjects: mean absolute differences."""
 
 _ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
-"""A hundredth of a degree; a tenth of a mm is less than a pixel; a hundredth of a mm."""
+"""Decimals of angles in degrees, lengths in mm (0.1 mm is less than a pixel) and constraint residuals in mm."""
 
 
 def figure_data(
@@ -40,11 +40,11 @@ def figure_data(
     noise_deg: Mapping[str, float],
     muscles: MuscleTables | None = None,
 ) -> dict[str, Any]:
-    """Gather the data of the report's figures by name: see the keys.
+    """Collect the data of the report's figures by name (see the keys).
 
-    Arrays of rows hold the chosen postures, one subject and motion after the other. ``noise_deg`` is the SD of one
-    measured angle by model, where it is known. Null is 'not measured' or 'not fitted', and of ``muscles`` 'not looked
-    at'.
+    Arrays of rows hold the chosen postures, one subject and motion after the other. ``noise_deg`` is the SD of the
+    noise of one measured angle by model, where known. Null means 'not measured' or 'not fitted'; null in ``muscles``
+    means 'not computed'.
     """
     first = models[[model.name for model in models].index(closest(result.summary))]
     left = _gaps(result.summary, first.name, "after", motions.subjects)
@@ -69,7 +69,7 @@ def figure_data(
 
 
 def _subjects(motions: Motions, rows: Rows) -> list[dict[str, Any]]:
-    """Each with its motions, each with the first of its rows and the one after the last."""
+    """List the subjects with their motions, and each motion with its first row and the row after its last."""
     names = motions.subject[rows], motions.motion[rows]
     new = np.flatnonzero((names[0][1:] != names[0][:-1]) | (names[1][1:] != names[1][:-1])) + 1
     bounds = [0, *new.tolist(), len(rows)]
@@ -115,7 +115,7 @@ def _model(
 
 
 def _set(one: ParameterSet) -> dict[str, Any]:
-    """What of a girdle is not adapted and stands still."""
+    """Return the numbers of a set that neither adaptation nor motion changes: SC, M_x and the thorax points."""
     return {
         "sc_mm": np.asarray(one.girdle.sc_mm),
         "M_x_mm": float(one.girdle.centre_mm[0]),
@@ -124,7 +124,7 @@ def _set(one: ParameterSet) -> dict[str, Any]:
 
 
 def _fits(fits: pd.DataFrame, girdles: Girdle) -> dict[str, Any]:
-    """Posture fits that are ok: angles, where the bones are, and the root of J; all with their status."""
+    """Collect angles, bone positions and square root of J of the fits that are ok, and the status of all fits."""
     ok = (fits["status"] == status.OK).to_numpy()
     simulated = fitted_deg(fits)
     return {
@@ -136,12 +136,12 @@ def _fits(fits: pd.DataFrame, girdles: Girdle) -> dict[str, Any]:
 
 
 def _gaps(summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 8"]:
-    """COLUMNS of each subject over all of its motions."""
+    """Look up the ``COLUMNS`` of each subject over all its motions."""
     return _of_subjects(summary, model, state, subjects)[[f"{column}_deg" for column in COLUMNS]].to_numpy(float)
 
 
 def _held_out(summary: pd.DataFrame, model: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 2"]:
-    """The gap of each bone on what was held out; NaN of who was not."""
+    """Look up the held-out gap of each bone; NaN for subjects without held-out parts."""
     return _of_subjects(summary, model, "after", subjects)[list(HELD_OUT.values())].to_numpy(float)
 
 

@@ -1,6 +1,6 @@
 # pyright: reportReturnType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The two states of a model, before and after adaptation, in the table of fits."""
+"""States of a model, before and after adaptation, in the table of fits."""
 
 from collections.abc import Sequence
 
@@ -16,11 +16,11 @@ from models.person.family import AnyModel, girdles_of
 from motions.table import ANGLES, Motions
 
 STATES = {"before": 0, "after": 1}
-"""And the word for it in the column ``adapted``."""
+"""Value of the column ``adapted`` by state."""
 
 
 def state_rows(table: pd.DataFrame, model: str, state: str) -> pd.DataFrame:
-    """Select the rows of this model and state; of the fits, in the order of the motions' rows."""
+    """Select the rows of one model and state; rows of the fits keep the order of the motions' rows."""
     return table[(table["model"] == model) & (table["adapted"] == STATES[state])]
 
 
@@ -30,12 +30,12 @@ def simulated_deg(fits: pd.DataFrame) -> Float[np.ndarray, "6 rows"]:
 
 
 def fitted_deg(fits: pd.DataFrame) -> Float[np.ndarray, "6 rows"]:
-    """Extract the simulated angles of the fits that are ok, degrees; NaN of the others."""
+    """Extract the simulated angles from the fits, degrees; NaN where the status is not ok."""
     return np.where((fits["status"] == status.OK).to_numpy(), simulated_deg(fits), np.nan)
 
 
 def adapted_mm(motions: Motions, model: AnyModel, result: Tables) -> dict[str, Float[np.ndarray, "6 subjects"]]:
-    """Give the adapted parameters of each subject by state; NaN after an adaptation that failed."""
+    """Return the parameters of each subject before and after adaptation; NaN where an adaptation failed."""
     table = result.parameters[result.parameters["model"] == model.name].set_index("subject")
     after = table.loc[list(motions.subjects), [f"{name}_mm" for name in ADAPTED]].to_numpy(float).T
     return {
@@ -45,7 +45,7 @@ def adapted_mm(motions: Motions, model: AnyModel, result: Tables) -> dict[str, F
 
 
 def girdles_by_state(model: AnyModel, subjects: Sequence[str], result: Tables) -> dict[str, Girdle]:
-    """Give the girdle of each of these subjects, as often as it is named, by state."""
+    """Return the girdles of the listed subjects by state; a subject may be listed several times."""
     return {
         "before": girdles_of(model, subjects),
         "after": girdles_after(model, subjects, result.parameters),

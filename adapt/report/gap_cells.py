@@ -1,4 +1,4 @@
-"""The gap by angle and elevation, before and after adaptation, over all subjects: the heat maps of a report."""
+"""Heat maps of a report: the gap by angle and elevation over all subjects, before and after adaptation."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,14 +18,14 @@ from motions.table import ANGLES, Motions
 ALL = "all motions"
 
 MOST_MOTIONS = 12
-"""With more, only all of them together are shown: their names would be a list nobody reads."""
+"""Largest number of motions with a map for each; with more, a single map of all motions, as the list is too long."""
 
 
 def heat_maps(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any]:
     """Compute the heat maps of one model's gaps by angle and bin of humerus elevation.
 
-    ``low_deg``: lower ends of the bins; ``maps``: one per motion, each with an array angles x bins per state. Mean
-    absolute difference in degrees over postures whose fit is ok; NaN where there is none.
+    ``low_deg``: lower ends of the bins. ``maps``: one entry per motion, with an array (angles, bins) for each state.
+    Values are mean absolute differences in degrees over postures whose fit is ok; NaN where there is none.
     """
     by_state = {state: _cells(motions, state_rows(fits, model, state)) for state in STATES}
     every = [cell for state_cells in by_state.values() for cell in state_cells]

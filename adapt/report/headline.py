@@ -1,4 +1,4 @@
-"""One sentence: how far the adaptation brings the best parameter set to the measured bones."""
+"""Headline of a report: one sentence on how close adaptation brings the best parameter set to the measured bones."""
 
 from collections.abc import Collection
 
@@ -12,18 +12,18 @@ from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from motions.table import ANGLES, BONES
 
 _IN_ORDER = tuple(reversed(BONES))
-"""The bones in the order in which the page names them."""
+"""Bones in the order in which the page names them."""
 
 
 def statistic(summary: pd.DataFrame, model: str, state: str, name: str = "mean") -> dict[str, float]:
-    """Look up the row ``name`` over all subjects and motions: mean absolute differences in degrees, by column."""
+    """Look up the statistic ``name`` over all subjects and motions: mean absolute differences in degrees, by column."""
     rows = state_rows(summary, model, state)
     row = rows[(rows["motion"] == ALL_MOTIONS) & (rows["subject"] == name)].iloc[0]
     return {column: float(row[column]) for column in summary.columns if column.endswith("_deg")}
 
 
 def closest(summary: pd.DataFrame) -> str:
-    """Find the model that leaves the smallest mean difference over the angles after adaptation."""
+    """Find the model with the smallest mean difference over the angles after adaptation."""
 
     def gap_deg(model: str) -> float:
         row = statistic(summary, model, "after")
@@ -34,9 +34,9 @@ def closest(summary: pd.DataFrame) -> str:
 
 
 def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
-    """Say in at most MOST_WORDS words how the mean gaps of the bones fall with adaptation of the closest model.
+    """Write in at most MOST_WORDS words how adaptation of the closest model reduces the mean gaps of the bones.
 
-    ``people`` says who they are: '10 simulated subjects'; ``kinds``, what was held out of them.
+    ``people`` describes the subjects, as '10 simulated subjects'; ``kinds`` are the kinds of their held-out folds.
     """
     models = list(dict.fromkeys(summary["model"]))
     best = closest(summary)

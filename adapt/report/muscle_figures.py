@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The muscle lines and arms that a report of ``girdle muscles`` draws, and the sentences it opens with."""
+"""Muscle lines and moment arms drawn in a report of ``girdle muscles``, and its opening sentences."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,31 +21,32 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 ROOM_KB, DRAWN_KB, LINES_KB = 4600.0, 0.65, 10.0
-"""Of a page of 10 MB, beside the library that draws; what one drawn posture of one parameter set takes of it, and what
-its lines do."""
+"""Sizes in kB: room in a page of 10 MB beside the plotting library; one drawn posture of one parameter set; the muscle
+lines of that posture."""
 
 CURVED = 5
-"""Points of a path between its ends: its chords leave the ellipsoid by less than a pixel."""
+"""Number of points of a path between its ends; chords then deviate from the ellipsoid by less than a pixel."""
 
 DRAWN = {"": (0, -1), "thorax": tuple(range(CURVED + 2))}
-"""Which of its points are drawn of a line, by its contour."""
+"""Indices of the drawn points of a line, by the contour around which the line wraps."""
 
 ROUND_HUMERUS = (0, 1, 3, 5, 6)
-"""And round the humerus, which is small: its chords leave it by less than 1 mm."""
+"""Indices of the drawn points around the small humerus, where chords deviate by less than 1 mm."""
 
 _ARM_DIGITS = 1
 
 _MOST_EXACT = 2000
-"""Drawn postures of all sets, beyond which arms are whole mm: they take a third less of the page."""
+"""Number of drawn postures of all sets above which moment arms are whole mm, which take a third less of the page."""
 
 
 def muscle_data(
     motions: Motions, models: Sequence[AnyModel], result: Tables, found: MuscleTables, rows: Int[np.ndarray, " rows"]
 ) -> list[dict[str, Any]]:
-    """Gather, by model, ``lines`` (name, muscle, whether it wraps) and by state ``paths`` and ``arms_mm``.
+    """Collect for each model its ``lines`` (name, muscle, whether it wraps) and, by state, ``paths`` and ``arms_mm``.
 
-    ``paths``: by the number of a drawn row, x, y, z of the points of each line one after the other, whole mm; evenly
-    chosen rows, without those that were not fitted. ``arms_mm``: joints by muscles by rows, null as there.
+    ``paths``: x, y, z of the points of each line in sequence, in whole mm, by index of a drawn row. The rows are evenly
+    chosen, without rows that were not fitted. ``arms_mm``: moment arms as joints by muscles by rows, null where not
+    fitted.
     """
     places = evenly(len(rows), most_with_lines(len(rows), len(models)))
     exact = len(rows) * len(models) <= _MOST_EXACT
@@ -53,13 +54,13 @@ def muscle_data(
 
 
 def most_with_lines(postures: int, models: int) -> int:
-    """Compute at how many postures of each set lines have room, where so many are drawn."""
+    """Compute for how many postures of each set the page has room for muscle lines, where ``postures`` are drawn."""
     left_kb = ROOM_KB - DRAWN_KB * postures * models
     return max(1, int(left_kb / LINES_KB / models))
 
 
 def muscle_sentence(found: MuscleTables, model: str, people: str) -> str:
-    """Say how the adaptation of one model changes the arms of the serratus."""
+    """Write how the adaptation of one model changes the moment arms of the serratus anterior."""
     row = muscle_means(found).loc[(model, SERRATUS)]
     arms = [f"{row[f'about_{joint}_before_mm']:.0f} to {row[f'about_{joint}_after_mm']:.0f} mm" for joint in JOINTS]
     start = f"Adapting {model} to {people} takes the arm of the serratus anterior"
@@ -67,7 +68,7 @@ def muscle_sentence(found: MuscleTables, model: str, people: str) -> str:
 
 
 def force_sentence(found: MuscleTables, model: str) -> str:
-    """Say how much muscle force the adaptation of one model moves; nothing where no posture has forces."""
+    """Write how much muscle force the adaptation of one model moves; empty where no posture has forces."""
     moved = found.balance.loc[found.balance["model"] == model, "moved_share"].mean()
     return f"{100 * moved:.0f} % of the force that holds the arm moves between muscles." if moved == moved else ""
 
@@ -98,7 +99,7 @@ def _of_model(
 
 
 def _paths(lines: MuscleLines, points_mm: Float[np.ndarray, " points 3 lines postures"]) -> list[list[list[int]]]:
-    """Whole mm of each posture and line; of a straight line its ends alone. Empty where a posture has none."""
+    """Round the paths of each posture and line to whole mm: only the ends of straight lines; empty where unknown."""
     found = []
     for posture in np.moveaxis(points_mm, -1, 0):
         drawn = [list(DRAWN.get(contour, ROUND_HUMERUS)) for contour in lines.contour]
@@ -109,7 +110,7 @@ def _paths(lines: MuscleLines, points_mm: Float[np.ndarray, " points 3 lines pos
 
 
 def _arms(motions: Motions, table: pd.DataFrame, column: str, muscles: Sequence[str], rows, exact: bool) -> list:
-    """One column of ``muscles.csv``, muscles by rows; None of what it has not."""
+    """Return one column of ``muscles.csv`` as muscles by rows; None where the table has no value."""
     keys = ["subject", "motion", "posture"]
     at = pd.MultiIndex.from_arrays([motions.subject[rows], motions.motion[rows], motions.posture[rows]], names=keys)
     parts = [table[table["muscle"] == muscle].set_index(keys)[column].reindex(at).tolist() for muscle in muscles]

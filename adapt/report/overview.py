@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Who was fitted and how well, over all subjects: the first tables of a report."""
+"""First tables of a report: fitted subjects and quality of the fits, over all subjects."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,25 +16,25 @@ from models.adapted_parameters import ADAPTED
 from motions.table import ANGLES, BONES, Motions
 
 _ORIGIN, _SIMULATED = "origin", "simulated"
-"""The column, and its word, of simulated motions (``motions.rhythm_subjects``)."""
+"""Column that marks simulated motions, and its value (``motions.rhythm_subjects``)."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One parameter set. Gaps are (before, after) adaptation, degrees; NaN where nothing was fitted."""
+    """Row of one parameter set. Gaps are (before, after) adaptation, degrees; NaN where nothing was fitted."""
 
     model: str
     gap_deg: dict[str, tuple[float, float]]
-    """Mean absolute difference of each bone over the subjects; under 'largest' that of one angle of one subject."""
+    """Mean absolute difference of each bone over the subjects; 'largest': the largest of one angle of one subject."""
     held_out_deg: dict[str, float]
-    """Mean absolute difference of each bone on what was held out from the adaptation; NaN without."""
+    """Held-out gap of each bone, degrees; NaN where nothing was held out."""
     postures: int
     postures_ok: tuple[int, int]
     subjects: int
     adapted: int
-    """Subjects whose adaptation ended ok."""
+    """Number of subjects whose adaptation ended ok."""
     at_bound: dict[str, int]
-    """Of those, how many have this parameter at its bound; the others are not named."""
+    """Number of adapted subjects with the parameter at its bound; parameters without such subjects are omitted."""
 
 
 def overview(result: Tables) -> list[Row]:
@@ -63,7 +63,7 @@ def _row(result: Tables, model: str) -> Row:
 
 
 def whether_to_use(result: Tables) -> dict[str, list[str]]:
-    """Say by model what of an adaptation may be used, as `girdle trust` does: angles, parameters, ellipsoid."""
+    """List by model which results may be used, as ``girdle trust`` does: angles, parameters, ellipsoid."""
     gaps = by_subject(result.heldout) if len(result.heldout) else result.heldout
     return {
         row.model: [_say_angles(gaps[gaps["model"] == row.model]), _say_parameters(row), _SAY_ELLIPSOID]
@@ -93,19 +93,19 @@ def _say_parameters(row: Row) -> str:
 
 
 def _largest(row: dict[str, float]) -> float:
-    """Of the angles that were measured."""
+    """Return the largest value of the measured angles."""
     values = [row[f"{angle}_deg"] for angle in ANGLES]
     return max((value for value in values if value == value), default=float("nan"))
 
 
 def adapted_parameters(result: Tables) -> dict[str, list[dict[str, Any]]]:
-    """Tabulate mean and SD of the adapted parameters by model: Table 6.5 beside the model's own of Table 6.6."""
+    """Tabulate mean and SD of the adapted parameters by model (Table 6.5) beside the model's own values (Table 6.6)."""
     rows = parameter_statistics(result.parameters)
     return {str(model): part.to_dict("records") for model, part in rows.groupby("model", sort=False)}
 
 
 def simulated_subjects(motions: Motions) -> tuple[str, ...]:
-    """List the subjects whose rows say that they are simulated."""
+    """List the subjects whose rows are marked as simulated."""
     if _ORIGIN not in motions.extra:
         return ()
     rows = (motions.extra[_ORIGIN] == _SIMULATED).to_numpy()
@@ -113,7 +113,7 @@ def simulated_subjects(motions: Motions) -> tuple[str, ...]:
 
 
 def people(subjects: int, simulated: int) -> str:
-    """Say who the subjects are: '10 simulated subjects'; '10 subjects (3 simulated)'."""
+    """Describe the subjects: '10 simulated subjects'; '10 subjects (3 simulated)'."""
     word = f"subject{'s' if subjects != 1 else ''}"
     if simulated == subjects:
         return f"{subjects} simulated {word}"

@@ -1,4 +1,4 @@
-"""The report as one HTML text: the page's template filled in, with its style, scripts and data inside."""
+"""Report page as one HTML text: the filled template with style, scripts and data inside."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ from motions.table import ANGLE_NAMES, Motions
 _TEMPLATES = Path(__file__).parent / "templates"
 
 _SCRIPTS = ("shared.js", "plane.js", "muscles.js", "space.js", "numbers.js", "reach.js", "choices.js")
-"""In this order: each uses what stands before it."""
+"""Scripts of the page; each uses the scripts before it, so their order matters."""
 
 
 def report_html(
@@ -59,10 +59,11 @@ def report_html(
 ) -> str:
     """Build the report page; the same results give the same text.
 
-    No other file and no network is needed to read it. ``not_handled`` names the subjects that could not be fitted, each
-    with its reason; ``diagnoses`` are of the same motions and models. ``sampled_from`` is the number of subjects of
-    which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if any. With
-    ``muscles`` the page has their lines and arms. ``thorax_downweighting``: see :func:`adapt.adapt_subjects`.
+    The page needs no other file and no network. ``not_handled`` names the subjects that could not be fitted, each with
+    its reason. ``diagnoses`` belong to the same motions and models. Where these subjects are a sample, ``sampled_from``
+    is the number of subjects from which the sample was drawn. ``active_effects`` describes the effects that the fits
+    included, if any. With ``muscles`` the page shows muscle lines and moment arms. ``thorax_downweighting``: see
+    :func:`adapt.adapt_subjects`.
     """
     by_model = diagnoses.by_model if diagnoses else {}
     noise_deg = {name: one.noise.angle_deg for name, one in by_model.items()}
@@ -119,13 +120,13 @@ def report_html(
 
 
 def _with_lines(data: JsonObject) -> int:
-    """The drawn postures that have muscle lines, of one model."""
+    """Count the drawn postures of one model that have muscle lines."""
     first = (data["muscles"] or [{"states": {}}])[0]["states"]
     return len(set().union(*(state["paths"] for state in first.values())))
 
 
 def _gaps(diagnosis: Diagnosis) -> JsonObject:
-    """The hardest gaps of one model, and those in sample; without a cause there is no gap with it."""
+    """Collect the gaps of one model in sample and with most held out; ``with_effect`` only if there are causes."""
 
     def shown(levels: GapLevels) -> JsonObject:
         return {kind: one for kind, one in plain(levels).items() if diagnosis.goes_further or kind != "with_effect"}
@@ -135,12 +136,12 @@ def _gaps(diagnosis: Diagnosis) -> JsonObject:
 
 
 def _largest(budget: Sequence[Step]) -> float:
-    """The gap that the longest bar stands for."""
+    """Return the gap in degrees that the longest bar stands for."""
     return max((step.gap_deg.value for step in budget if step.gap_deg.value > 0.0), default=1.0)
 
 
 def _environment() -> Environment:
-    """Names from files are escaped wherever they are put; a name that the template misspells is an error."""
+    """Create the template environment, which escapes all inserted names and raises an error for a misspelt variable."""
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -186,7 +187,7 @@ def _verbatim(name: str) -> Markup:
 
 
 def _json(data: Any) -> Markup:
-    """JSON that cannot end the script element which holds it, whatever the names in it are."""
+    """Serialise data to JSON in which no name can end the enclosing script element."""
     return htmlsafe_json_dumps(data, allow_nan=False, separators=(",", ":"))
 
 

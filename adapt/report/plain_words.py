@@ -1,4 +1,4 @@
-"""Plain names of the causes, and the words of the field, for a reader of the page who does not know the project."""
+"""Plain names of the causes and meanings of terms, for readers of the page who do not know the project."""
 
 import re
 
@@ -8,7 +8,7 @@ from models.effects import EFFECTS
 from models.effects.effect import cause_of
 
 _PLAIN_NAMES = {effect.cause: effect.plain_name for effect in EFFECTS.values() if effect.plain_name}
-"""By cause. An effect from elsewhere has its own name alone."""
+"""Plain names by cause; an effect from outside the library has only its own name."""
 
 GLOSSARY = {
     "SC, AC": "the joints at the two ends of the clavicle: with the sternum, with the acromion of the scapula",
@@ -43,7 +43,7 @@ def explained(name: str) -> Markup:
 
 
 def with_hover(text: str) -> Markup:
-    """Give identifiers in a sentence their plain names on hover and focus, and words of the glossary their meaning."""
+    """Mark up a sentence: on hover and focus, identifiers show their plain names and glossary terms their meanings."""
 
     def one(found: re.Match[str]) -> str:
         name = found.group()
@@ -54,7 +54,7 @@ def with_hover(text: str) -> Markup:
     def term(found: re.Match[str]) -> str:
         return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(GLOSSARY[found.group()], found.group()))
 
-    parts = _IDENTIFIER.split(str(escape(text)))  # escaped first; identifiers and terms have no marks
+    parts = _IDENTIFIER.split(str(escape(text)))  # escaping leaves identifiers and terms as they are
     between = [_TERM.sub(term, part, count=1) for part in parts]
     named = [one(found) for found in _IDENTIFIER.finditer(str(escape(text)))]
     return Markup("".join(word for pair in zip(between, [*named, ""], strict=True) for word in pair))

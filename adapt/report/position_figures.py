@@ -1,4 +1,4 @@
-"""Measured and simulated paths of landmarks along each motion, as small drawings for the page."""
+"""Drawings of measured and simulated landmark paths along each motion, for the page."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ from jaxtyping import Float
 from adapt.diagnosis.result import Diagnosis, Positions
 
 MOST_SUBJECTS = 3
-"""Of whom paths are drawn: the first ones."""
+"""Largest number of subjects whose paths are drawn: the first ones."""
 
 WIDTH, HEIGHT = 340.0, 90.0
-"""Of a drawing, in its own units; names of motions stand below."""
+"""Size of a drawing in its own units; the names of the motions stand below."""
 
 _AXES = ("lateral", "up", "backward")
 
 _GAP = 1.0
-"""Between motions, in postures."""
+"""Distance between motions, in postures."""
 
 _ROOM = 0.05
 """Share of the range that is left free above and below."""
@@ -25,31 +25,31 @@ _ROOM = 0.05
 STATE_NAMES = {"base": "the model as it is", "adapted": "adapted", "with_causes": "adapted, with the causes"}
 
 Polyline = str
-"""Points as SVG has them."""
+"""Points in the notation of an SVG polyline."""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """One component of one landmark of one subject, or its distance from where it was measured."""
+    """Path of a landmark of one subject: one component, or the distance to the measured position."""
 
     title: str
     low_mm: float
     high_mm: float
     measured: Sequence[tuple[float, float]]
-    """Dots."""
+    """Measured points, drawn as dots."""
     lines: Mapping[str, Sequence[Polyline]]
-    """By state, one a motion."""
+    """Simulated lines by state, one per motion."""
     motions: Sequence[tuple[float, str]]
-    """Where each begins, and its name."""
+    """Start and name of each motion."""
 
 
 def shown_states(diagnosis: Diagnosis) -> list[str]:
-    """List the states that differ: without causes there is none with them."""
+    """List the states to draw; a state with causes exists only where the diagnosis names some."""
     return [state for state in STATE_NAMES if diagnosis.goes_further or state != "with_causes"]
 
 
 def drawings(diagnosis: Diagnosis) -> dict[str, list[Drawing]]:
-    """Draw by subject the landmarks that hang on one joint each: SC; AC, or AA where AC was not measured."""
+    """Draw per subject the landmarks that depend on one joint each: SC; AC, or AA where AC was not measured."""
     positions = diagnosis.positions
     names = [name for name in ("SC", "AC" if "AC" in positions.measured_mm else "AA") if name in positions.measured_mm]
     states = shown_states(diagnosis)
@@ -91,7 +91,7 @@ def _drawing(
     room = max(_ROOM * (high - low), 1e-9)
 
     def points(number: int, of: Float[np.ndarray, " rows"]) -> list[tuple[float, float]]:
-        """Where the known values of one motion are."""
+        """Return the drawn points of the known values of one motion."""
         along = step * (starts[number] + np.arange(len(rows[number])))
         up = HEIGHT * (1.0 - (of[rows[number]] - low + room) / (high - low + 2.0 * room))
         return [(round(float(x), 1), round(float(y), 1)) for x, y in zip(along, up, strict=True) if np.isfinite(y)]

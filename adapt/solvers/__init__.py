@@ -1,1 +1,2 @@
-"""The two fits: postures of a girdle closest to measured ones, and the girdle closest to a subject's postures."""
+"""Solvers of the two fits: the closed postures nearest to measured ones, and the girdle nearest to a subject's
+postures."""

@@ -29,74 +29,79 @@ from motions.arrays import Array, ByType
 from motions.table import FEWEST_ANGLES
 
 _ROUNDS = 4
-"""A problem that did not converge, or has a posture in the higher of two local minima, goes on from fresh posture
-fits."""
+"""Largest number of rounds: a problem that did not converge, or has a posture in the higher of two local minima,
+continues from fresh posture fits."""
 
 _LOWER_DEG2 = ByType(1e-6, 1e-3)
-"""A fresh posture fit lower by less than this is the same one."""
+"""Decrease of J below which a fresh posture fit is the same local minimum."""
 
 _SAME_E = ByType(1e-9, 1e-5)
-"""Relative: two starts whose E differ by less have led to one optimum. That of the first is taken, so that what E does
-not depend on stays where it is."""
+"""Relative difference of E below which two starts have led to one optimum. The optimum of the first start is kept, so
+that numbers on which E does not depend stay the same."""
 
 _SAME_MINIMUM = 1e-6
-"""Relative: E with the sizes that were found is lower by less where theta is in the local minimum in which they were
-found."""
+"""Relative decrease of E, when theta is adapted again with the fitted sizes, below which theta is still in the local
+minimum in which the sizes were fitted."""
 
 _SAME_SIZE = 0.01
-"""SDs: sizes found from a lower E that differ by less are the same. They are found with postures that are less exact
-where angles were not measured."""
+"""Difference in SDs below which sizes fitted from a lower E are the same. Their postures are less exact where angles
+were not measured."""
 
 _REWEIGHTED = 1000
-"""Most fixed-point iterations of the weights of a reading with roots or lengths: 18 measured problems took 10-500."""
+"""Largest number of fixed-point iterations of the weights of a variant with roots or lengths: 18 measured problems took
+10-500."""
 
 _SETTLED = 1e-4
-"""Change, relative to the weight of J and to all points together, at which the weights have settled."""
+"""Tolerance of the change of the weights, relative to the weight of J and to the sum over all points."""
 
 _LEAST_WEIGHT = 1e-6
-"""The weight goes to 0 where the root of D has its kink, at the geometric fit; below this nothing moves any more."""
+"""Smallest weight of J. The weight tends to 0 at the geometric fit, where the root of D is not differentiable; below
+this value no result changes any more."""
 
 _AT_BOUND_MM = 1e-9
 
 _EXACT_DEG2 = 1e-9
-"""J of postures that the chain follows exactly, but for rounding. Where three angles are out of its reach,
-they do say something of its parameters."""
+"""Largest mean J of postures that the chain follows exactly, up to rounding. Where three angles are out of reach of the
+chain, J is larger and the angles do inform the parameters."""
 
 
 class Adapted(NamedTuple):
-    """Adaptations of a batch of problems (see ``adapt.solvers.problems``), numpy."""
+    """Adaptations of a batch of problems (see ``adapt.solvers.problems``), numpy arrays."""
 
     theta_mm: Float[np.ndarray, "adapted problems"]
-    """In the order of ``ADAPTED_PARAMETERS``, mm."""
+    """Adapted parameters in the order of ``ADAPTED_PARAMETERS``, mm."""
     at_bound: Bool[np.ndarray, "adapted problems"]
     angles: Float[np.ndarray, "6 postures problems"]
     """Postures of the optimum, rad."""
     multipliers: Float[np.ndarray, "3 postures problems"]
-    """Of A1-A3 in J of each posture, deg^2 a mm; not finite where E does not hold the postures (w = 0)."""
+    """Multipliers of A1-A3 in J of each posture, deg^2 per mm; not finite where E does not determine the postures
+    (w = 0)."""
     residual_mm: Float[np.ndarray, "3 postures problems"]
     stationarity: Float[np.ndarray, "postures problems"]
-    """max |dJ/dq + G' lambda|, deg^2 a degree."""
+    """max |dJ/dq + G' lambda|, deg^2 per degree."""
     D_mm2: Float[np.ndarray, " problems"]
     L_mm2: Float[np.ndarray, " problems"]
-    """Of the measured TS and AI; NaN where the reading leaves them out or none was measured."""
+    """L of the measured TS and AI; NaN where the variant leaves L out or none was measured."""
     mean_j_deg2: Float[np.ndarray, " problems"]
     E: Float[np.ndarray, " problems"]
-    """In the units of the reading."""
+    """E in the units of the variant."""
     weight: Float[np.ndarray, " problems"]
-    """W of the sum u d^2 + v L [mm^2] + W mean(J) [deg^2] with the same optimum (``ObjectiveVariant.equivalent``)."""
+    """W of the equivalent sum u d^2 + v L [mm^2] + W mean(J) [deg^2], with the same optimum
+    (``ObjectiveVariant.equivalent``)."""
     point_weights: Float[np.ndarray, "points problems"]
-    """u of it."""
+    """u of the equivalent sum."""
     landmark_weight: Float[np.ndarray, " problems"]
-    """v of it."""
+    """v of the equivalent sum."""
     iterations: Int[np.ndarray, " problems"]
     sizes: Float[np.ndarray, "sizes problems"]
-    """Of effects that differ between persons, in SDs off the mean (``models.effects.amplitudes.PersonalSize``)."""
+    """Sizes of effects that differ between persons, in SDs from the mean
+    (``models.effects.amplitudes.PersonalSize``)."""
     code: Int[np.ndarray, " problems"]
-    """Of ``status.WORDS``."""
+    """Index into ``status.WORDS``."""
 
     @property
     def status(self) -> Shaped[np.ndarray, " problems"]:
-        """How each adaptation ended, in a word."""
+        """Status word of each adaptation."""
         return status.WORDS[self.code]
 
 
@@ -111,9 +116,9 @@ def adapt_batch(
 ) -> Adapted:
     """Find the lowest E of each problem from several starts, with exact derivatives and the bounds of the model.
 
-    A problem is ``ok`` when the optimality conditions of the whole-subject problem hold to tolerance. Sizes of effects
-    that differ between persons are fitted too, by the default reading; what comes after knows them
-    (``Problems.with_sizes``).
+    ``reading`` names the objective variant. A problem is ``ok`` when the optimality conditions of the whole-subject
+    problem hold to tolerance. Sizes of effects that differ between persons are fitted too, with the default variant;
+    later computations take them as known (``Problems.with_sizes``).
     """
     if data.active_effects.own:
         return _with_own_sizes(data, weight, reading, progress)
@@ -127,8 +132,8 @@ def adapt_batch(
 
 
 def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progress) -> Adapted:
-    """Adapt with the mean sizes, from several starts; then sizes and parameters from there, as long as E is lower with
-    postures in another local minimum."""
+    """Adapt with the mean sizes from several starts; then fit sizes and parameters from there, and repeat while E is
+    lower with postures in another local minimum."""
     count = data.counted.shape[1]
     sizes = np.zeros((sum(map(len, data.active_effects.own)), count))
     adapted = adapt_batch(data.with_sizes(sizes), weight, progress=progress)
@@ -156,7 +161,8 @@ def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progr
 def _reweighted(
     data: Problems, weight: float, reading: ObjectiveVariant, adapted: Adapted, progress: Progress
 ) -> Adapted:
-    """The optimum whose own weights of points and postures it is the optimum of, each problem until it has settled."""
+    """Iterate the weights of points and postures of each problem to a fixed point: at the optimum with these weights,
+    the equivalent weights of the variant are the same."""
     left = np.arange(len(adapted.code))
     for number in range(_REWEIGHTED):
         progress(f"weights of the reading, round {number + 1}")
@@ -175,7 +181,7 @@ def _reweighted(
 
 
 def _at_optimum(data: Problems, reading: ObjectiveVariant, theta_mm, mean_j_deg2) -> AtOptimum:
-    """What E is made of at theta."""
+    """Compute the terms of E at theta."""
     moved = data.girdle.with_adapted(theta_mm).over_postures()
     places, weights, levels = landmark_points(data, reading.landmarks > 0.0)
     every = np.concatenate([data.points_mm, places], axis=1)
@@ -186,7 +192,8 @@ def _at_optimum(data: Problems, reading: ObjectiveVariant, theta_mm, mean_j_deg2
 
 
 def _lowest(data: Problems, weight: float, reading: ObjectiveVariant, equivalent, progress: Progress) -> Adapted:
-    """All starts of all problems side by side; each optimum goes on until its postures are the lowest."""
+    """Solve all starts of all problems side by side, continue each optimum until its postures are the lowest, and
+    return the lowest optimum of each problem."""
     problem = subject_problem(data, equivalent, reading.landmarks)
     theta, angles = _starts(data)
     count = len(equivalent)
@@ -208,7 +215,8 @@ def _lowest(data: Problems, weight: float, reading: ObjectiveVariant, equivalent
 
 
 def _distinct(E: Float[np.ndarray, "starts problems"], same: float) -> Bool[np.ndarray, "starts problems"]:
-    """Which starts have led to an optimum (finite E) that none before has; the first, where none has led to any."""
+    """Return which starts have led to an optimum (finite E) that no earlier start has found; where none has found any,
+    the first start."""
     kept = np.zeros(E.shape, bool)
     for number, one in enumerate(E):
         with np.errstate(invalid="ignore"):
@@ -219,8 +227,8 @@ def _distinct(E: Float[np.ndarray, "starts problems"], same: float) -> Bool[np.n
 
 
 def _starts(data: Problems) -> tuple[Float[np.ndarray, "adapted starts"], Float[np.ndarray, "6 postures starts"]]:
-    """Theta at every offset to the geometric fit, with the postures that are fitted there and with the measured angles;
-    with active effects, which close the chains themselves, with the measured angles alone."""
+    """Return theta at every offset to the geometric fit, with the postures fitted there and with the measured angles;
+    with active effects, whose solver closes the chains itself, with the measured angles alone."""
     lower, upper = data.bounds_mm
     theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
     angles = [np.asarray(data.angles)]
@@ -237,15 +245,14 @@ def adapted_from(
     theta: Float[np.ndarray, "adapted problems"],
     weight: float | Float[np.ndarray, " problems"] = WEIGHT,
 ) -> Adapted:
-    """Find the optimum of E = D [mm^2] + weight mean(J) [deg^2] from one start alone, theta in mm, within the
-    bounds."""
+    """Find the optimum of E = D [mm^2] + weight mean(J) [deg^2] within the bounds from a single start theta, mm."""
     reading = OBJECTIVES[DEFAULT_OBJECTIVE]
     equivalent = np.broadcast_to(np.asarray(weight, float), data.counted.shape[1:])
     return _from_theta(data, weight, reading, equivalent, theta)
 
 
 def _from_theta(data: Problems, weight, reading: ObjectiveVariant, equivalent, theta, point_weights=None) -> Adapted:
-    """The optimum reached from theta and the postures that are fitted there."""
+    """Find the optimum reached from theta and the postures that are fitted there."""
     problem = subject_problem(data, equivalent, reading.landmarks, point_weights)
     start = data.angles if data.active_effects.effects else fitted_angles(data, theta)
     found = solved_from(problem, data.active_effects, theta, start)
@@ -256,7 +263,7 @@ def _from_theta(data: Problems, weight, reading: ObjectiveVariant, equivalent, t
 def _to_the_lowest_postures(
     data: Problems, problem: SubjectProblem, result: SubjectSolution, progress: Progress
 ) -> SubjectSolution:
-    """Go on with what has not converged, and with a posture in the higher of two local minima."""
+    """Continue problems that have not converged or have a posture in the higher of two local minima."""
     left = np.arange(len(result.converged))
     for number in range(2, _ROUNDS + 1):
         angles, lower = _lower_postures(take_problems(data, left), take_problems(result, left))
@@ -268,7 +275,7 @@ def _to_the_lowest_postures(
         part = take_problems((problem, data.active_effects), left)
         further = solved_from(*part, result.theta[:, left], angles[..., again])
         gains = further.converged | ~result.converged[left]
-        left = left[gains]  # another would go the same way again
+        left = left[gains]  # any other would repeat the same path
         result = with_problems(result, left, take_problems(further, gains))
         if not len(left):
             break
@@ -276,8 +283,8 @@ def _to_the_lowest_postures(
 
 
 def solved_from(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles) -> SubjectSolution:
-    """Find the optima reached from here: by Newton where the chain is plain, by projections where it is not and where
-    Newton has not ended, in 1 of 10 000 simulated adaptations; look at ``converged``."""
+    """Find the optima reached from one start, by Newton where the chain has no effects, by projections where it has
+    some and where Newton has not converged (1 of 10 000 simulated adaptations); check ``converged``."""
     if active_effects.effects:
         return projection.fit_subjects(problem, theta, angles, active_effects)
     found = newton.fit_subjects(problem, theta, angles)
@@ -288,9 +295,9 @@ def solved_from(problem: SubjectProblem, active_effects: ActiveEffects, theta, a
 
 
 def _lower_postures(data: Problems, solved: SubjectSolution) -> tuple[np.ndarray, np.ndarray]:
-    """The postures fitted anew at the solution, where that lowers their J, and the problems where it does.
+    """Return the postures, fitted anew at the solution where that lowers their J, and the problems where it does.
 
-    A posture can be carried along in a local minimum that has become the higher one; E is the sum of the lowest.
+    A posture can follow theta in a local minimum that has become the higher one; E is the sum over the lowest.
     """
     fresh = fitted_angles(data, solved.theta)
     weights = angle_weights(data.measured)
@@ -300,20 +307,20 @@ def _lower_postures(data: Problems, solved: SubjectSolution) -> tuple[np.ndarray
 
 
 def fitted_angles(data: Problems, theta: Float[Array, " adapted problems"]) -> Float[Array, " 6 postures problems"]:
-    """Fit the postures of every problem with its own girdle at theta; padding is a copy of the last that counts."""
+    """Fit the postures of every problem with its own girdle at theta; padding is a copy of the last counted posture."""
     girdles = data.girdles_at(theta, *np.nonzero(data.counted))
     angles = fit_batch(girdles, *_of_rows(data)).angles
     return _over_postures(data, angles)
 
 
 def _of_rows(data: Problems) -> tuple[Float[np.ndarray, "6 rows"], Bool[np.ndarray, "6 rows"]]:
-    """Measured angles of every posture that counts, and which are known."""
+    """Return the measured angles of every counted posture, and the mask of measured angles."""
     posture, problem = np.nonzero(data.counted)
     return np.asarray(data.angles)[:, posture, problem], np.asarray(data.measured)[:, posture, problem]
 
 
 def _over_postures(data: Problems, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 postures problems"]:
-    """Lay the angles of the postures that count out; padding is a copy of the last."""
+    """Arrange the angles of the counted postures by problem; padding is a copy of the last counted posture."""
     place = np.zeros(data.counted.shape, int)
     place[np.nonzero(data.counted)] = np.arange(angles.shape[1])
     return angles[:, np.maximum.accumulate(place, axis=0)]
@@ -331,7 +338,7 @@ def _as_adapted(data: Problems, weight, reading: ObjectiveVariant, equivalent, s
     converged = np.asarray(solved.converged) & np.isfinite(at.D_mm2) & np.isfinite(mean_j)
     code = np.where(informed, np.where(converged, status.CONVERGED, status.UNCONVERGED), status.EXACT)
     with np.errstate(divide="ignore", invalid="ignore"):
-        per_weight = count / equivalent  # W of an angle in E is weight / postures times that in J
+        per_weight = count / equivalent  # W of an angle in E is weight / postures times its W in J
         multipliers, stationarity = (np.asarray(x) * per_weight for x in (solved.multipliers, solved.stationarity))
     return Adapted(
         theta_mm=theta,

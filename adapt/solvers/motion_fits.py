@@ -1,5 +1,5 @@
-"""Posture fits of the rows of motions, with given girdles or as the optima of adaptations have them: on one branch
-along each motion, solutions followed from posture to posture, and jumps between branches marked."""
+"""Posture fits of the rows of motions, with given girdles or from the optima of adaptations. Solutions are followed
+from posture to posture along each motion, to keep them on one branch; jumps between branches are marked."""
 
 import itertools
 from collections.abc import Callable
@@ -24,10 +24,10 @@ from models.girdle import Girdle
 from motions.arrays import ByType
 
 SAME_BRANCH_RAD = ByType(1e-6, 1e-4)
-"""Two solutions this close are one: converged ones agree to 1e-9 rad, one in float32 to 2e-6."""
+"""Difference below which two solutions are the same: converged ones agree to 1e-9 rad, in float32 to 2e-6."""
 
 _TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
-"""A posture is followed to the next one in this many steps along the straight line of measured angles."""
+"""Numbers of steps from one posture to the next, along the straight line between their measured angles."""
 
 
 def fit_rows(rows: PostureRows, girdle: Girdle) -> PostureSolution:
@@ -38,10 +38,10 @@ def fit_rows(rows: PostureRows, girdle: Girdle) -> PostureSolution:
 
 
 def rows_of_optima(rows: PostureRows, data: Problems, adapted: Adapted) -> PostureSolution:
-    """Give the postures that the optima consist of, so that E = D + w mean(J) is of these, with their jumps marked.
+    """Return the postures of the optima, on which E = D + w mean(J) is based, with their jumps marked.
 
-    Where there is no optimum, or one that does not hold the postures (w = 0), they are fitted with the girdle as it
-    ended, to say which of them is the trouble.
+    Postures without an optimum, or of an optimum that does not determine them (w = 0), are fitted with the final
+    girdle, to show which postures cause the failure.
     """
     subjects, models = len(rows.subjects), data.counted.shape[1] // len(rows.subjects)
     one = rows.unpacked(np.indices(rows.counted.shape))
@@ -81,10 +81,10 @@ def follow_motions(
 ) -> PostureSolution:
     """Bring the fits onto one branch along each motion, where there is one, and mark jumps where there is not.
 
-    ``previous`` is the problem of the posture before, or -1 at the start of a motion. Two neighbours are on one branch
-    when continuation from one leads to the other. A motion with a jump is followed outward from its best posture
-    (lowest J): where continuation succeeds, its solution replaces the one found on its own. It is done in float64.
-    ``may_move``: motions that hold another posture keep theirs.
+    ``previous`` is the problem of the previous posture, or -1 at the start of a motion. Two neighbours are on one
+    branch when continuation from one leads to the other. A motion with a jump is followed outward from its best posture
+    (lowest J): where continuation succeeds, its solution replaces the independent fit. Continuation runs in float64.
+    ``may_move``: True for postures that may change; motions with any other posture keep all their fits.
     """
     problem, same_rad = (girdle, angles.astype(float), measured), SAME_BRANCH_RAD.for_dtype_of(angles)
     fitted = jax.tree.map(np.copy, fitted)
@@ -100,7 +100,7 @@ def follow_motions(
 
 
 def _follow_from_best(fitted: PostureSolution, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:
-    """All motions in step, up and down from the best posture of each."""
+    """Follow all motions in parallel, forwards and backwards from the best posture of each."""
     orders = []
     for problems in motions:
         best = int(np.argmin(np.where(fitted.converged[problems], fitted.j_deg2[problems], np.inf)))
@@ -117,14 +117,15 @@ def _follow_from_best(fitted: PostureSolution, problem, motions: list[Int[np.nda
 
 
 def _trackers(girdle: AnyGirdle) -> list[Callable[..., PostureSolution]]:
-    """In steps along the line, and of the plain chain in shorter ones for what was not followed."""
+    """Return the continuation functions: steps along the line and, for the chain without effects, shorter steps where
+    these fail."""
     if isinstance(girdle, Girdle):
         return [partial(newton.track_postures, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
     return [_track_by_projections]
 
 
 def _breaks(fitted: PostureSolution, problem, previous, same_rad: float) -> Bool[np.ndarray, " problems"]:
-    """Where continuation from the posture before does not lead to this one."""
+    """Return where continuation from the previous posture does not lead to this one."""
     after = np.flatnonzero(previous >= 0)
     good = fitted.converged[after] & fitted.converged[previous[after]]
     after, broken = after[good], np.zeros(len(previous), bool)
@@ -146,7 +147,7 @@ def _track(fitted: PostureSolution, problem, before, after, track) -> PostureSol
 
 
 def _motions_of(previous: Int[np.ndarray, " problems"]) -> list[Int[np.ndarray, " postures"]]:
-    """The problems of each motion in order."""
+    """List the problems of each motion, in order."""
     following = {int(p): i for i, p in enumerate(previous) if p >= 0}
     chains = []
     for first in np.flatnonzero(previous < 0):
@@ -158,7 +159,7 @@ def _motions_of(previous: Int[np.ndarray, " problems"]) -> list[Int[np.ndarray, 
 
 
 def _track_by_projections(girdle, angles, measured, angles_before, start) -> PostureSolution:
-    """Follow the solution while the measured angles go straight from one posture to the next."""
+    """Follow the solution while the measured angles move in a straight line from one posture to the next."""
     for fraction in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
         start = fit_from(girdle, angles_before + fraction * (angles - angles_before), measured, start).angles
     return fit_from(girdle, angles, measured, start)

@@ -1,12 +1,13 @@
 """The objective of the adaptation, E = D + w mean(J_p), and its variants (thesis Eq. 6.3-6.5).
 
 The thesis leaves open whether D is a mean of squares, their root or, as Eq. 6.3 is printed, a mean of lengths; whether
-points and postures are summed or averaged; and the units. A variant is a choice of all. Every variant has the optimum
-of some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the variant only changes u and W.
+points and postures are summed or averaged; and the units. An objective variant fixes all of these choices. Every
+variant has the optimum of some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the variant only
+changes u and W.
 
-One variant is not the thesis's: with ``landmarks`` E = D + v L + w mean(J_p), where L = mean((d(TS) - const1)^2,
-(d(AI) - const2)^2) over the measured positions of TS and AI in the postures that E is made of, d their signed distance
-to the ellipsoid and L in the units of D. AC and SC would add nothing: no constraint keeps them near the ellipsoid.
+One variant is not from the thesis: with ``landmarks`` E = D + v L + w mean(J_p), where L = mean((d(TS) - const1)^2,
+(d(AI) - const2)^2) over the measured positions of TS and AI in the postures of E. There d is the signed distance to the
+ellipsoid, and L has the units of D. AC and SC would add nothing: no constraint keeps them near the ellipsoid.
 """
 
 from dataclasses import dataclass
@@ -22,73 +23,74 @@ WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
 
 MOST_WEIGHT = 1e5
-"""Up to it every shipped subject is adapted with every shipped set, beyond it rounding of w J hides D. The best w on
-held-out motions is below 1000 (``adapt.trust.weight_choice``)."""
+"""Largest allowed w. Up to it every shipped subject can be adapted with every shipped set; beyond it rounding of w J
+hides D. The best w on held-out motions is below 1000 (``adapt.trust.weight_choice``)."""
 
 
 def mean_square_deg2(
     angles: Float[Array, " 6 *batch"], measured_angles: Float[Array, " 6 *batch"], weights: Float[Array, " 6 *batch"]
 ) -> Float[Array, " *batch"]:
-    """Compute J_p in deg^2 (Eq. 6.1) of angles and measured angles in rad.
+    """Compute J_p in deg^2 (Eq. 6.1) from angles and measured angles in rad.
 
-    weights: of each of the m measured angles 2 / m (180 / pi)^2, of the others 0.
+    ``weights``: 2 / m (180 / pi)^2 for each of the m measured angles, 0 for the others.
     """
     return 0.5 * xp.sum(weights * (angles - measured_angles) ** 2, axis=0)
 
 
 KINK_MM = 0.01
-"""Below this the length of a distance is rounded off, |d| ~ sqrt(d^2 + KINK^2): no thorax point is known as well, and
-an ellipsoid that passes through some points has an optimum with slopes."""
+"""Distance below which a length |d| is rounded off to sqrt(d^2 + KINK^2). No thorax point is known as accurately, and E
+becomes differentiable at the optimum of an ellipsoid that passes through some points."""
 
 _NOTHING = 1e-12
-"""mm^2 or deg^2, below which a mean under a root counts as this: the root has its kink at 0."""
+"""Smallest mean under a root, mm^2 or deg^2. Smaller means are set to it: the root is not differentiable at 0."""
 
 
 @dataclass(frozen=True)
 class AtOptimum:
-    """What E is made of, of a batch of problems."""
+    """Terms of E of a batch of problems."""
 
     distance_mm: Float[np.ndarray, "points problems"]
     point_weights: Float[np.ndarray, "points problems"]
-    """1/n for each of n thorax points, 0 for padding."""
+    """Weights 1/n for each of n thorax points, 0 for padding."""
     mean_j_deg2: Float[np.ndarray, " problems"]
     postures: Int[np.ndarray, " problems"]
     L_mm2: Float[np.ndarray, " problems"]
-    """Of the measured TS and AI; NaN where none was measured, or they do not count."""
+    """L of the measured TS and AI; NaN where none was measured or L does not count."""
 
     @property
     def D_mm2(self) -> Float[np.ndarray, " problems"]:
-        """D, the mean square over the points."""
+        """D, the mean squared distance of the points."""
         return np.sum(self.point_weights * self.distance_mm**2, axis=0)
 
     @property
     def points(self) -> Int[np.ndarray, " problems"]:
-        """How many points count."""
+        """Number of thorax points that count."""
         return np.sum(self.point_weights > 0.0, axis=0)
 
 
 @dataclass(frozen=True)
 class ObjectiveVariant:
-    """Units of D and J in E, what E takes of the distances, and whether it sums or averages."""
+    """Units of D and J in E, the power of the distances in E, and the choice of sums or means."""
 
     distance_per_mm: float = 1.0
     angle_per_deg: float = 1.0
     form: Literal["squares", "roots", "lengths"] = "squares"
-    """D is a mean of squares and J one; both under a root; D is a mean of lengths |d| and J as it is."""
+    """Form of D and J: mean squares; roots of mean squares; or, for ``lengths``, D a mean of lengths |d| and J a mean
+    square."""
     sum_points: bool = False
-    """D is the sum over the points instead of their mean."""
+    """True where D is the sum over the points instead of their mean."""
     sum_postures: bool = False
-    """J_p are summed instead of averaged."""
+    """True where the J_p are summed instead of averaged."""
     landmarks: float = 0.0
-    """v, the weight of L; only beside the default of everything else."""
+    """Weight v of L; allowed only with the default values of all other fields."""
 
     def equivalent(
         self, w: float, at: AtOptimum
     ) -> tuple[Float[np.ndarray, "points problems"], Float[np.ndarray, " problems"]]:
-        """Compute u (of sum 1) and W of the equivalent E = sum u d^2 [mm^2] + W mean(J) [deg^2].
+        """Compute u (with sum 1) and W of the equivalent E = sum u d^2 [mm^2] + W mean(J) [deg^2].
 
         With roots W depends on D and J themselves, d(sqrt D + w sqrt J) = (dD + w sqrt(D / J) dJ) / (2 sqrt D); with
-        lengths u on the distances, d|d| = d(d^2) / (2 |d|) (iteratively reweighted least squares).
+        lengths u depends on the distances, d|d| = d(d^2) / (2 |d|) (iteratively reweighted least squares).
         """
         points, postures = self._counts(at)
         share = w * self.angle_per_deg**2 / self.distance_per_mm**2 * postures / points
@@ -111,12 +113,12 @@ class ObjectiveVariant:
         return np.sqrt(D) + w * np.sqrt(J) if self.form == "roots" else D + w * J
 
     def _counts(self, at: AtOptimum):
-        """Factors of the means of D and J."""
+        """Return the factors of the means of D and J."""
         return np.where(self.sum_points, at.points, 1.0), np.where(self.sum_postures, at.postures, 1.0)
 
 
 def _length_mm(distance_mm):
-    """|d|, rounded off at 0."""
+    """Compute |d|, rounded off at 0."""
     return np.sqrt(distance_mm**2 + KINK_MM**2)
 
 
@@ -135,14 +137,14 @@ OBJECTIVES = {
     "mm2_sum_deg2": ObjectiveVariant(sum_postures=True),
     "mm2_deg2_landmarks": ObjectiveVariant(landmarks=1.0),
 }
-"""The variants by name; ``mm2_deg2`` is the default. docs/research/thesis.md compares those that the thesis leaves
-open."""
+"""Objective variants by name; ``mm2_deg2`` is the default. docs/research/thesis.md compares the variants that the
+thesis leaves open."""
 
 DEFAULT_OBJECTIVE = "mm2_deg2"
 
 
 def check_weight(weight: float, place: str = "weight") -> None:
-    """Refuse a w that is not between 0 and ``MOST_WEIGHT`` with an InputError that names the place."""
+    """Check that w is between 0 and ``MOST_WEIGHT``; raise an InputError that names the place if not."""
     if not 0.0 <= weight <= MOST_WEIGHT:
         remedy = (
             f"Give a number between 0 and {MOST_WEIGHT:g}, as {WEIGHT:g}: beyond it the thorax points no longer count"
@@ -151,10 +153,10 @@ def check_weight(weight: float, place: str = "weight") -> None:
 
 
 def down_weighted(weight: float, thorax_downweighting: float, place: str = "thorax_downweighting") -> float:
-    """Give w where the prior thorax points, another person's, count 1/k: k w, for D / k + w mean(J) has its minimum
-    where D + k w mean(J) has it.
+    """Return the w with which prior thorax points, another person's, count 1/k: k w, because D / k + w mean(J) has its
+    minimum where D + k w mean(J) has it.
 
-    InputError that names the place where k is no positive number.
+    Raise an InputError that names the place where k is not a positive number.
     """
     if not 0.0 < thorax_downweighting < np.inf:
         remedy = "Give a positive number, as 30: the prior thorax points then count a thirtieth"

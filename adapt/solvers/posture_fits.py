@@ -1,4 +1,4 @@
-"""Posture fits that can be relied on: from several starts, each with a status.
+"""Robust posture fits: from several starting points, each with a status.
 
 A problem is one posture of one subject with one girdle; the last axis of every array is the problem.
 """
@@ -19,16 +19,17 @@ from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES
 
 OPEN_CHAIN_MM = 1e-6
-"""A chain still open by more than this after closing it from every start cannot be closed here."""
+"""Constraint violation above which a chain is unreachable, after attempts to close it from every starting point."""
 
 
 _FAR_START_DEG2 = 200.0
-"""J from which a start of an adaptation is looked for from more places. It need not be the lowest: of 3000 adaptations
-all end alike from 15 on, which takes a fifth longer, and all but one without places, which takes 6 to 11 % longer."""
+"""J above which the start of an adaptation is searched from more places. The start need not be the lowest local
+minimum: at a threshold of 15 all of 3000 adaptations end alike and take a fifth longer; without more places all but one
+end alike and take 6 to 11 % longer."""
 
 
 _PLACES_DEG = np.stack([np.zeros(6), *OFFSETS_DEG])
-"""Where a chain is closed from before a fit, as offsets to the measured angles."""
+"""Places from which a chain is closed before a fit, as offsets to the measured angles."""
 
 
 def fit_batch(
@@ -37,15 +38,15 @@ def fit_batch(
     measured: Bool[np.ndarray, "6 problems"],
     start: Float[np.ndarray, "6 problems"] | None = None,
 ) -> PostureSolution:
-    """Find the closed posture of each problem closest to its measured angles (rad), with multipliers and status.
+    """Find the closed posture of each problem nearest to its measured angles (rad), with multipliers and status.
 
-    Every problem starts from ``start``, else from its measured angles and from where its chain closes nearest to them,
-    and the lower J wins; where that is far, also from where it closes next to places around.
-    One that does not converge starts again where it closes from nine other places. A problem whose chain closes from
-    nowhere is ``unreachable`` and keeps the angles where it is least open; one with fewer than three angles, or with a
-    girdle that has no numbers (its adaptation failed), is ``invalid``.
+    Every problem starts from ``start``, or else from its measured angles and from a closed posture next to them, and
+    the lower J wins; where that J is large, also from closed postures near other places. A problem that does not
+    converge starts again from the closed postures near nine places. A problem whose chain closes from none of them is
+    ``unreachable`` and keeps the angles where the chain is least open. A problem with fewer than three measured angles,
+    or with a girdle whose numbers are not all finite (its adaptation failed), is ``invalid``.
 
-    Angles in float32 are fitted in float32, and in float64 where that does not converge.
+    Angles in float32 are fitted in float32, and in float64 where float32 does not converge.
     """
     finite = np.isfinite(angles) | ~measured
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & finite.all(axis=0) & _finite(girdle)
@@ -68,27 +69,28 @@ def fit_batch(
 def nearby_angles(
     girdle: Girdle, angles: Float[np.ndarray, "6 problems"], measured: Bool[np.ndarray, "6 problems"]
 ) -> Float[np.ndarray, "6 problems"]:
-    """Fit postures by Newton alone, for a start: where that does not converge, the angles (rad) that it ends with, or
-    the measured ones if they are not finite."""
+    """Fit postures by Newton alone, as starting points: where it does not converge, return its last angles (rad), or
+    the measured ones if those are not finite."""
     found = newton.fit_postures(girdle, angles, measured, far_deg2=_FAR_START_DEG2).angles
     return np.where(np.isfinite(found).all(axis=0), found, angles)
 
 
 def _solved(girdle: AnyGirdle, target, measured, start) -> PostureSolution:
-    """Newton where the chain is plain, projections where it is not or where Newton has not ended; after float32 first
-    Newton in float64."""
+    """Fit by Newton where the chain has no effects, by projections where it has effects or Newton has not converged;
+    after float32 first by Newton in float64."""
     if not isinstance(girdle, Girdle):
         return projection.fit_postures(girdle, target, measured, start)
     found = as_type(newton.fit_postures(girdle, target, measured, start), float)
     further = projection.fit_postures
     if target.dtype == np.float32:
         (girdle, target), further = as_type((girdle, target), float), _solved
-    left = ~found.converged & measured.any(axis=0)  # without any it is padding
+    left = ~found.converged & measured.any(axis=0)  # a problem without measured angles is padding
     return refit(found, left, further, girdle, target, measured, start, put=put_lower)
 
 
 def _from_closed(girdle: AnyGirdle, target, measured, place) -> PostureSolution:
-    """Fit from where the chain closes next to the places; where that does not end well, the angles there."""
+    """Fit from the closed postures near the places; where that does not converge, return the angles of the closed
+    postures."""
     closed, residual = projection.close_chains(girdle, place)
     found = _solved(girdle, target, measured, closed)
     failed = ~found.converged
@@ -100,12 +102,12 @@ def _from_closed(girdle: AnyGirdle, target, measured, place) -> PostureSolution:
 
 
 def _put_closer(found: PostureSolution, problems: Int[np.ndarray, " again"], other: PostureSolution) -> None:
-    """Put in what converged, and else what is less open."""
+    """Replace fits by those of ``other`` that converged or are less open."""
     before, after = (np.abs(one.residual_mm).max(axis=0) for one in (take_problems(found, problems), other))
     closer = other.converged | (after < before)
     put_problems(found, problems[closer], take_problems(other, closer))
 
 
 def _finite(girdle: AnyGirdle) -> Bool[np.ndarray, " problems"]:
-    """Whether every number of the girdle of a problem is one."""
+    """Check whether every number of the girdle of a problem is finite."""
     return np.isfinite(sum(np.sum(x, axis=tuple(range(np.ndim(x) - 1))) for x in jax.tree.leaves(girdle)))

@@ -1,4 +1,4 @@
-"""Every subject with every model as a whole-subject problem.
+"""Adaptation problems: one per pair of subject and model.
 
 Problem number = model * subjects + subject. The last axis of every array is the problem.
 """
@@ -22,51 +22,52 @@ from models.person.thorax_ellipsoid import fitted_girdle, geometric_fit, thorax_
 from motions.arrays import Array, xp
 
 ON_THE_THORAX = ("TS", "AI")
-"""The landmarks whose distance to the ellipsoid the model keeps, in the order of A1 and A2."""
+"""Landmarks whose distance to the ellipsoid the constraints A1 and A2 keep, in this order."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Sets:
-    """Parameter sets side by side, that of every subject with every model."""
+    """Batch of parameter sets, one per pair of subject and model."""
 
     girdle: Girdle
-    """Each model's girdle after its geometric fit, (component, problems)."""
+    """Girdle of each problem after its geometric fit, (component, problems)."""
     points_mm: Float[Array, " 3 points problems"]
     point_weights: Float[Array, "points problems"]
-    """1/n for each of n thorax points, 0 for padding."""
+    """Weights 1/n for each of n thorax points, 0 for padding."""
     bounds_mm: Float[Array, " 2 adapted problems"]
     person_sd_mm: Float[Array, " adapted problems"]
-    """Of the subject's parameters about the set's (``models.person.thorax_ellipsoid.thorax_sd_mm``)."""
+    """SDs of the subject's adapted parameters about those of the set
+    (``models.person.thorax_ellipsoid.thorax_sd_mm``)."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Problems(Sets):
-    """The sets and the postures of the subjects, padding included. All numbers float64; or float32, to iterate in
-    that."""
+    """Parameter sets and postures of all problems, padded. All numbers are float64, or float32 for iterations in
+    float32."""
 
     angles: Float[Array, " 6 postures problems"]
-    """Measured, rad."""
+    """Measured angles, rad."""
     measured: Bool[Array, " 6 postures problems"]
     counted: Bool[Array, "postures problems"]
     active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
-    """Strengths (channels, postures, problems); of a person's own sizes (sizes, channels, postures, problems). They act
-    in the chain; D and L are those of the ellipsoid without them."""
+    """Effects with strengths (channels, postures, problems) and, where sizes differ between persons, ``own`` (sizes,
+    channels, postures, problems). The effects act on the chain; D and L use the ellipsoid without them."""
     landmarks_mm: Float[Array, " 3 2 postures problems"] | None = None
-    """Measured TS and AI, thorax frame, NaN where not measured; None where nobody has one."""
+    """Measured TS and AI, thorax frame, NaN where not measured; None where no subject has any."""
 
     def with_sizes(self, sizes: Float[np.ndarray, "sizes problems"]) -> "Problems":
-        """Give every person the sizes of effects that an adaptation has found (``Adapted.sizes``)."""
+        """Set the sizes of effects of every person to those that an adaptation has found (``Adapted.sizes``)."""
         return replace(self, active_effects=self.active_effects.with_sizes(sizes))
 
     def girdles_at(self, theta_mm: Float[Array, " adapted problems"], posture, problem) -> AnyGirdle:
-        """Give the girdle at theta, with the active effects, of each of some postures of some problems."""
+        """Return the girdles at theta, with the active effects, one per pair of ``posture`` and ``problem``."""
         return self.active_effects.at(posture, problem).on(take_problems(self.girdle.with_adapted(theta_mm), problem))
 
 
 def problems_of(rows: PostureRows, models: Sequence[AnyModel]) -> Problems:
-    """Pair every subject with every model, or with its own set of it."""
+    """Pair every subject with every model; a model may have one parameter set per subject."""
 
     def each_model(values):
         padded = rows.packed(values)
@@ -86,7 +87,7 @@ def problems_of(rows: PostureRows, models: Sequence[AnyModel]) -> Problems:
 
 
 def sets_of(models: Sequence[AnyModel], subjects: Sequence[str]) -> Sets:
-    """Lay out the set of every subject with every model, each after its geometric fit."""
+    """Collect the parameter sets of all pairs of subject and model, each after its geometric fit."""
     sets, place = unique_sets(models, subjects)
     points = max(one.points_mm.shape[1] for one in sets)
 
@@ -110,13 +111,13 @@ def sets_of(models: Sequence[AnyModel], subjects: Sequence[str]) -> Sets:
 
 
 _FEW = 8
-"""Sets up to which each is fitted on its own: what is compiled for that is the same for all of them."""
+"""Largest number of sets that are fitted one by one, all by the same compiled program."""
 
 _SETS_AT_A_TIME = 64
 
 
 def _fitted_girdles(sets: Sequence[ParameterSet]) -> Girdle:
-    """The girdle of each set after its geometric fit, side by side; those with as many points are fitted together."""
+    """Return the girdles of the sets after their geometric fits; sets with equally many points are fitted together."""
     if len(sets) <= _FEW:
         girdles = [fitted_girdle(one.girdle, one.points_mm) for one in sets]
         return jax.tree.map(lambda *x: np.stack(x, axis=-1), *girdles)
@@ -134,14 +135,14 @@ _fit_sets = jax.jit(jax.vmap(geometric_fit, in_axes=-1, out_axes=-1))
 
 
 def select_problems(data: Problems, index: Int[np.ndarray, " chosen"], **changed: np.ndarray) -> Problems:
-    """Take some problems, any of them as often as wanted, with some of their arrays replaced."""
+    """Select problems, any of them repeatedly, and replace some of their arrays."""
     return replace(take_problems(data, index), **changed)
 
 
 def landmark_points(data: Problems, count: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lay measured TS and AI of the postures that count out as points, (3, landmarks, problems), if they ``count``.
+    """Return measured TS and AI of the counted postures as points, (3, landmarks, problems); none unless ``count``.
 
-    With their weights, 1/m for each of m, and how far from the ellipsoid they should be, mm.
+    Return also their weights, 1/m for each of m points, and their nominal distances to the ellipsoid, mm.
     """
     problems = data.counted.shape[1:]
     if data.landmarks_mm is None or not count:
@@ -165,9 +166,9 @@ def subject_problem(
     landmarks: float = 0.0,
     point_weights: Float[np.ndarray, "points problems"] | None = None,
 ) -> SubjectProblem:
-    """Lay out min E = D + landmarks L [mm^2] + weight mean(J) [deg^2] of each problem.
+    """Set up min E = D + landmarks L [mm^2] + weight mean(J) [deg^2] for each problem.
 
-    ``point_weights``: in place of the equal ones of D.
+    ``point_weights`` replace the equal weights of D.
     """
     places, shares, levels = landmark_points(data, landmarks > 0.0)
     weights = np.asarray(data.point_weights if point_weights is None else point_weights)
@@ -177,7 +178,7 @@ def subject_problem(
         np.concatenate([weights, landmarks * shares]),
         np.concatenate([np.zeros_like(weights), levels]),
         data.angles,
-        # of an angle in E: weight / postures times that in J
+        # the weight of an angle in E is weight / postures times its weight in J
         angle_weights(data.measured) * (weight / xp.sum(data.counted, axis=0))[None, None],
         data.counted,
         *data.bounds_mm,

@@ -1,8 +1,8 @@
-"""The measured postures of motions as arrays: one row a posture, or padded to as many of each subject.
+"""Measured postures of motions as arrays: one row per posture, or padded to equally many postures per subject.
 
-Component first; the last axis is the row, or postures and subjects. Subjects have different numbers of postures.
-Padding postures are copies of the subject's last one and do not count. Their number is rounded up, so that few distinct
-shapes are ever compiled.
+Component first; the last axis is the row, or the last two axes are postures and subjects. Subjects have different
+numbers of postures: padding postures are copies of the subject's last posture and do not count. The padded number is
+rounded up, so that few distinct shapes are ever compiled.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,60 +21,61 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 _POSTURE_STEP = 2
-"""Postures are padded to a multiple of this."""
+"""Postures are padded to a multiple of this number."""
 
 
 @dataclass(frozen=True)
 class PostureRows:
-    """The rows of the motions of S subjects."""
+    """Rows of the motions of S subjects."""
 
     angles: Float[np.ndarray, "6 rows"]
-    """Measured angles s, rad; those of the arm at rest where not measured."""
+    """Measured angles s, rad; angles of the arm at rest where not measured."""
     measured: Bool[np.ndarray, "6 rows"]
     subject: Int[np.ndarray, " rows"]
-    """Its number."""
+    """Index of the subject."""
     motion: Int[np.ndarray, " rows"]
-    """Its number among the kinds of motion."""
+    """Index among the kinds of motion."""
     previous: Int[np.ndarray, " rows"]
-    """The row of the posture before in its motion, -1 for the first."""
+    """Row of the previous posture in the motion, -1 for the first."""
     subjects: tuple[str, ...]
-    """Their names."""
+    """Names of the subjects."""
     landmarks_mm: Mapping[str, Float[np.ndarray, "3 rows"]]
-    """Measured positions, thorax frame, by landmark; NaN where not measured, placed or an outlier."""
+    """Measured positions, thorax frame, by landmark; NaN where the landmark was not measured, was estimated or is an
+    outlier."""
     active_effects: ActiveEffects
-    """Strengths (channels, rows)."""
+    """Effects with strengths (channels, rows)."""
 
     @cached_property
     def counted(self) -> Bool[np.ndarray, "postures subjects"]:
-        """Which postures of the padded subjects are rows, and no padding."""
+        """True where a posture of the padded subjects is a row, False for padding."""
         counts = np.bincount(self.subject, minlength=len(self.subjects))
         postures = -(-counts.max(initial=0) // _POSTURE_STEP) * _POSTURE_STEP
         return np.arange(postures)[:, None] < counts
 
     @cached_property
     def place(self) -> Int[np.ndarray, "postures subjects"]:
-        """The row of each posture of the padded subjects."""
+        """Row of each posture of the padded subjects."""
         counts = self.counted.sum(axis=0)
         nearest = np.minimum(np.arange(len(self.counted))[:, None], counts - 1)
         return np.argsort(self.subject, kind="stable")[np.cumsum(counts) - counts + nearest]
 
     @cached_property
     def posture(self) -> Int[np.ndarray, " rows"]:
-        """The place of every row among the postures of its subject."""
+        """Index of every row among the postures of its subject."""
         return self.unpacked(np.indices(self.counted.shape)[0])
 
     def packed(self, values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures subjects"]:
-        """Lay values of the rows out by subject."""
+        """Arrange values of the rows by subject, with padding."""
         return values[..., self.place]
 
     def unpacked(self, values: Float[np.ndarray, "*k postures subjects"]) -> Float[np.ndarray, "*k rows"]:
-        """Put values of the postures that count in the order of the rows; axes before the postures stay."""
+        """Return the values of the counted postures in the order of the rows; axes before the postures stay."""
         result = np.empty((*values.shape[:-2], len(self.subject)), values.dtype)
         result[..., self.place[self.counted]] = values[..., self.counted]
         return result
 
     def repeated(self, times: int, dtype: DTypeLike = float) -> "PostureRows":
-        """Give all rows again and again, as for several models; angles in this type."""
+        """Repeat all rows, as for several models, with angles of type ``dtype``."""
         count = len(self.subject)
         before = [np.where(self.previous < 0, -1, self.previous + k * count) for k in range(times)]
         return replace(
@@ -92,9 +93,9 @@ class PostureRows:
 def posture_rows(
     motions: Motions, effects: Amplitudes = NO_EFFECTS, library: Mapping[str, Effect] = EFFECTS
 ) -> PostureRows:
-    """Lay out the motions of one or many subjects, with effects that are known to be active.
+    """Convert the motions of one or many subjects to rows, with effects that are known to be active.
 
-    ``library``: the effects by name.
+    ``library``: effects by name.
     """
     measured = np.isfinite(motions.angles_deg.T)
     return PostureRows(
@@ -110,5 +111,5 @@ def posture_rows(
 
 
 def one_in_so_many(subjects: Sequence[str], most: int) -> tuple[str, ...]:
-    """Take at most ``most`` subjects, one in so many in the order of the files."""
+    """Select at most ``most`` subjects at regular intervals, in the order of the files."""
     return tuple(subjects[:: -(-len(subjects) // most)])

@@ -1,1 +1,1 @@
-"""Results as tables: the columns of every CSV file. Pandas lives here."""
+"""Results as pandas tables: the columns of every CSV file."""

@@ -1,4 +1,4 @@
-"""The tables of `girdle transfer`: carried points, and how far they are from measured ones and from the bone."""
+"""Tables of `girdle transfer`: carried points, and their distances from measured points and from the bone."""
 
 from collections.abc import Mapping
 
@@ -21,20 +21,20 @@ from models.person.transfer.mesh import Mesh
 Points = Float[np.ndarray, "3 points"]
 
 NO_TYPE = "none"
-"""Of distances for which Table 5.3 has no type."""
+"""Type of distances for which Table 5.3 has no type."""
 
 DISTANCES = ("attachment", "shape", "points", "surface_mm", "surface_sd_mm")
 MEASURED = ("measured_surface_mm", "measured_surface_sd_mm", "least_mm", "mean_mm", "most_mm", "type")
 LINES, PLANES = ("md_mm", "md_sd_mm", "mind_mm", "maxd_mm"), ("mdp_mm", "mdp_sd_mm", "dmp_mm")
 COLUMNS = (*DISTANCES, *MEASURED, *LINES, *PLANES)
-"""Of ``distances.csv``. surface: mean and SD of the distance of the carried points to the target's surface (Appendix
-C); measured_surface: of the measured ones. least, mean, most and type: between the contours (Table 5.3). md, mind and
-maxd: of the measured points to the carried line (Table 4.7); mdp and dmp: to the carried plane, and between the mean
-points (Table 4.6)."""
+"""Columns of ``distances.csv``. surface: mean and SD of the distance of the carried points to the target's surface
+(Appendix C); measured_surface: the same of the measured points. least, mean and most: distances between the
+contours; type: their type (Table 5.3). md, mind and maxd: distances of the measured points to the carried line (Table
+4.7); mdp: distance of the measured points to the carried plane; dmp: distance between the mean points (Table 4.6)."""
 
 
 def points_table(carried: Mapping[str, Points], shapes: Mapping[str, str]) -> pd.DataFrame:
-    """Tabulate ``attachments.csv``: attachment, shape, x_mm, y_mm, z_mm, frame of the target."""
+    """Tabulate ``attachments.csv``: attachment, shape, x_mm, y_mm, z_mm in the frame of the target."""
     rows = [(name, shapes[name], *point) for name, points in carried.items() for point in points.T.tolist()]
     return pd.DataFrame(rows, columns=["attachment", "shape", "x_mm", "y_mm", "z_mm"])
 
@@ -42,7 +42,7 @@ def points_table(carried: Mapping[str, Points], shapes: Mapping[str, str]) -> pd
 def distances_table(
     carried: Mapping[str, Points], shapes: Mapping[str, str], measured: Mapping[str, Points], mesh: Mesh | None
 ) -> pd.DataFrame:
-    """Tabulate ``distances.csv``: one row an attachment, the columns ``COLUMNS``; empty where nothing is known."""
+    """Tabulate ``distances.csv``: one row per attachment, the columns ``COLUMNS``; unknown cells are empty."""
     rows = [_row(name, shapes[name], points, measured.get(name), mesh) for name, points in carried.items()]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 

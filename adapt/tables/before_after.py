@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # pyright: reportReturnType=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The postures of a model as it is and adapted, side by side: what an adaptation changes beside the angles."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Postures of a model as it is and adapted, side by side: the changes by an adaptation beyond the angles."""
 
 from dataclasses import dataclass
 
@@ -24,25 +24,25 @@ STATES = ("before", "after")
 
 @dataclass(frozen=True)
 class State:
-    """Postures of a girdle, one girdle a posture."""
+    """Postures, each with its own girdle."""
 
     girdle: Girdle
     angles: Float[np.ndarray, "6 postures"]
-    """rad."""
+    """Simulated angles, rad."""
 
 
 @dataclass(frozen=True)
 class BeforeAfter:
-    """The postures of all subjects that could be fitted in both states, in the order of the motions."""
+    """Postures of all subjects that could be fitted in both states, in the order of the motions."""
 
     rows: pd.DataFrame
-    """KEYS of each posture."""
+    """Columns KEYS of each posture."""
     before: State
     after: State
 
 
 def before_and_after(model: AnyModel, fits: pd.DataFrame, parameters: pd.DataFrame) -> BeforeAfter:
-    """Pair the rows of ``fits.csv`` of one model with its own and with the adapted parameters of each subject."""
+    """Pair the fits of one model before and after adaptation, each with the girdle of its subject in that state."""
     mine = fits[fits["model"] == model.name]
     one, other = (mine[mine["adapted"] == state].reset_index(drop=True) for state in (0, 1))
     good = (one["status"] == status.OK) & (other["status"] == status.OK)

@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
 """Forces on the scapula before and after adaptation: 'the change in force direction will be minimal' (thesis 6.4)."""
 
 from collections.abc import Sequence
@@ -13,11 +13,12 @@ from models.person.family import AnyModel
 
 
 def contact_table(pairs: Sequence[tuple[AnyModel, BeforeAfter]]) -> pd.DataFrame:
-    """Tabulate ``contact.csv``: one row a model and posture that could be fitted before and after.
+    """Tabulate ``contact.csv``: one row per model and posture that could be fitted before and after.
 
-    ``TS_turned_deg``, ``AI_turned_deg``: angle between the ellipsoid's normals there before and after;
-    ``conoid_turned_deg``: of the ligament. ``TS_about_sc_before_mm`` ...: length of the arm of the force about SC, of
-    clavicle and scapula together, and about AC, of the scapula. Thorax frame; each state in its own fitted posture.
+    ``TS_turned_deg``, ``AI_turned_deg``: angle between the normals of the ellipsoid at the landmark before and after;
+    ``conoid_turned_deg``: angle between the directions of the ligament. ``TS_about_sc_before_mm`` ...: length of the
+    force's arm about SC, on clavicle and scapula together, and about AC, on the scapula. Thorax frame; each state in
+    its own fitted posture.
     """
     return pd.concat([_of_model(model.name, pair) for model, pair in pairs], ignore_index=True)
 

@@ -1,4 +1,4 @@
-"""Postures driven by their free coordinates, and the free coordinates of postures: the table of `girdle drive`."""
+"""Table of `girdle drive`: postures driven by their free coordinates, and the free coordinates of postures."""
 
 from dataclasses import dataclass
 
@@ -22,22 +22,22 @@ OK, NOT_KNOWN = DRIVEN[0], DRIVEN[-1]
 
 @dataclass(frozen=True)
 class DrivenPostures:
-    """The postures of ``motions`` with one model."""
+    """Postures of ``motions`` with one model."""
 
     model: ParameterSet
     motions: Motions
     coordinates_mm: Float[np.ndarray, "3 postures"]
     """AC_y, AC_z, TS_x, thorax frame."""
     angles: Float[np.ndarray, "6 postures"]
-    """rad; NaN where the status is not ``ok``."""
+    """Angles, rad; NaN where the status is not ``ok``."""
     residual_mm: Float[np.ndarray, "3 postures"]
-    """A1-A3: 0 in a driven posture; in a measured one how far it is from closing the chain."""
+    """Constraint residuals A1-A3: 0 in a driven posture; in a measured posture the distance from closing the chain."""
     status: Shaped[np.ndarray, " postures"]
-    """One of ``models.drive.DRIVEN``."""
+    """Status, one of ``models.drive.DRIVEN``."""
 
     @property
     def table(self) -> pd.DataFrame:
-        """The columns of ``driven.csv``."""
+        """Table with the columns of ``driven.csv``."""
         own = self.motions
         names = {"model": self.model.name, "subject": own.subject, "motion": own.motion, "posture": own.posture}
         angles = dict(zip(ANGLE_COLUMNS, self.angles * float(DEG), strict=True))
@@ -48,7 +48,8 @@ class DrivenPostures:
 
     @property
     def as_motions(self) -> Motions | None:
-        """The postures that are ``ok`` as simulated motions with the landmarks of the girdle; None where none is."""
+        """Postures with status ``ok`` as simulated motions with the landmarks of the girdle; None where there is
+        none."""
         good = np.flatnonzero(self.status == OK)
         if not len(good):
             return None
@@ -67,7 +68,7 @@ class DrivenPostures:
 
     @property
     def failed(self) -> dict[str, str]:
-        """Why postures of a subject are not there, by subject."""
+        """Numbers of missing postures with their statuses, by subject."""
         found = {}
         for name in self.motions.subjects:
             words = self.status[self.motions.subject == name]
@@ -79,9 +80,10 @@ class DrivenPostures:
 
 
 def driven_postures(motions: Motions, model: ParameterSet) -> DrivenPostures:
-    """Drive the girdle by the coordinates that AC and TS of the motions have (thesis 3.2.2, 6.2.3).
+    """Drive the girdle by the coordinates of AC and TS in the motions (thesis 3.2.2, 6.2.3).
 
-    On the branch nearest to the posture's own six angles where the motions have them, else to the arm hanging.
+    The branch is the one nearest to the posture's own angles; for angles that the motions lack, the hanging arm's are
+    used.
     """
     mm = coordinates_mm(motions)
     start_deg = np.where(np.isfinite(motions.angles_deg), motions.angles_deg, REST_DEG)
@@ -90,18 +92,20 @@ def driven_postures(motions: Motions, model: ParameterSet) -> DrivenPostures:
 
 
 _AT_ONCE = 64
-"""Postures: one program is compiled for any number of them, in some 5 s."""
+"""Number of postures per call of the compiled program, which serves any number of postures; its compilation takes some
+5 s."""
 
 
 def drive_each(
     girdle: Girdle, coordinates_mm: Float[np.ndarray, "3 postures"], start: Float[np.ndarray, "6 postures"]
 ) -> Driven:
-    """Drive a girdle a posture by its free coordinates, mm, from a start, rad: :func:`models.drive.drive`."""
+    """Drive one girdle per posture by its free coordinates, mm, from a start, rad (:func:`models.drive.drive`)."""
     return in_chunks(drive, _AT_ONCE, girdle, coordinates_mm, start)
 
 
 def coordinates_of_postures(motions: Motions, model: ParameterSet) -> DrivenPostures:
-    """Compute the coordinates that the girdle has at the measured angles, the chain left open: the way back."""
+    """Compute the free coordinates of the girdle at the measured angles, with the chain left open: the inverse of
+    driving."""
     angles = motions.angles_deg.T / DEG
     words = np.where(np.isfinite(angles).all(axis=0), OK, NOT_KNOWN)
     return _postures(motions, model, np.asarray(free_coordinates_mm(model.girdle, angles)), angles, words)

@@ -1,6 +1,6 @@
-"""Which postures are held out in turn: motions, thirds of the postures, and persons.
+"""Folds, the postures that are held out in turn: motions, thirds of the postures, and persons.
 
-A fold is of one subject: the postures that its girdle is adapted to, and those that are then predicted.
+A fold is of one subject: the postures to which its girdle is adapted, and the postures that are then predicted.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,20 +12,20 @@ from jaxtyping import Int, Shaped
 from motions.table import Motions
 
 MOTION, POSTURES, PERSON = "motion", "postures", "person and motion"
-"""Kinds of folds: one motion held out, every third posture held out, and a motion held out together with persons, of
-whom nothing is in what persons share."""
+"""Kinds of folds: one motion held out; every third posture held out; a motion held out together with persons, whose
+data then have no part in anything that persons share."""
 
 THIRDS = ("third 2", "third 3", "third 1")
-"""The third that each posture of a subject belongs to in turn."""
+"""Names of the thirds to which the postures of a subject belong in turn."""
 
 _PERSON_GROUPS = 6
-"""Persons are held out in so many groups at most: more take longer and tell little more."""
+"""Largest number of groups in which persons are held out: more take longer and add little information."""
 
 Rows = Int[np.ndarray, " some"]
-"""Of the motions, ascending."""
+"""Rows of the motions, ascending."""
 
 Label = Shaped[np.ndarray, " rows"]
-"""What each row is held out with, by name."""
+"""Name of the held-out part of each row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +34,19 @@ class Fold:
 
     kind: str
     subject: int
-    """Its number among the subjects of the motions."""
+    """Number among the subjects of the motions."""
     held_out: str
-    """The name of the motion or third."""
+    """Name of the motion or third."""
     fitted: Rows
-    """What the girdle of the subject is adapted to."""
+    """Rows to which the girdle of the subject is adapted."""
     tested: Rows
-    """What is predicted."""
+    """Rows that are predicted."""
     held_out_subjects: tuple[int, ...] = ()
     """Subjects held out of all that subjects share."""
 
 
 def motions_and_thirds(motions: Motions) -> list[Fold]:
-    """Hold out every motion of every subject that has several, and every third posture of every subject."""
+    """Hold out every motion of every subject with several motions, and every third posture of every subject."""
     found, thirds = [], thirds_of(motions)
     for subject, rows in enumerate(motions.rows_by_subject()):
         found += _leave_out(MOTION, subject, rows, motions.motion, dict.fromkeys(motions.motion[rows].tolist()))
@@ -55,15 +55,17 @@ def motions_and_thirds(motions: Motions) -> list[Fold]:
 
 
 def motions_or_thirds(motions: Motions) -> list[Fold]:
-    """Hold out every motion of a subject that has several, and every third posture of one that has not."""
+    """Hold out every motion of a subject with several motions, and every third posture of a subject with one."""
     every = motions_and_thirds(motions)
     several = {fold.subject for fold in every if fold.kind == MOTION}
     return [fold for fold in every if fold.kind == MOTION or fold.subject not in several]
 
 
 def motions_and_persons(motions: Motions, person: Int[np.ndarray, " subjects"]) -> tuple[list[Fold], Label]:
-    """Hold out every kind of motion, and with it every person where there are several; of a single kind of motion every
-    third posture in its place. The folds by kind, subject and name, and what each row is held out with.
+    """Hold out every kind of motion, alone and, where there are several persons, together with every person.
+
+    With a single kind of motion, thirds of the postures take the place of motions. Return the folds by kind, subject
+    and name, and the name of the held-out part of each row.
 
     ``person``: the number of the person of each subject.
     """
@@ -85,7 +87,7 @@ def motions_and_persons(motions: Motions, person: Int[np.ndarray, " subjects"]) 
 def _leave_out(
     kind: str, subject: int, rows: Rows, label: Label, names: Iterable[str], held_out_subjects: tuple[int, ...] = ()
 ) -> Iterator[Fold]:
-    """Hold out the rows of each name in turn, where there are some and others are left."""
+    """Hold out the rows of each name in turn, where there are such rows and others remain."""
     own = label[rows]
     for name in names:
         fitted, tested = rows[own != name], rows[own == name]
@@ -94,7 +96,7 @@ def _leave_out(
 
 
 def thirds_of(motions: Motions) -> Label:
-    """Name the third of its subject's postures that each posture is in."""
+    """Name the third to which each posture of a subject belongs."""
     label = np.empty(len(motions.posture), object)
     for rows in motions.rows_by_subject():
         label[rows] = np.resize(np.array(THIRDS, object), len(rows))

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``heldout.csv`` as a table: its columns, and what it says of a model, a subject and a motion."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""``heldout.csv`` as a table: its columns, and its averages by subject and by model."""
 
 from collections.abc import Collection
 
@@ -10,26 +10,26 @@ from adapt.tables.folds import MOTION
 from motions.table import ANGLES, BONES
 
 SEEN = {"before": 0, "in_sample": 1}
-"""Gaps of the fits that are reported, by their word; and the column ``adapted`` of their table."""
+"""Words for the gaps of the reported fits, and the value of column ``adapted`` for each."""
 
 BONE_PREFIXES = {"": slice(0, len(ANGLES)), **{f"{bone}_": angles for bone, angles in BONES.items()}}
-"""Which of ANGLES a gap of a table is of, by the beginning of its column."""
+"""Slice of ANGLES over which a gap is averaged, by the prefix of its column."""
 
 COLUMNS = (
     *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
     *(f"{bone}gap_{word}_deg" for word in (*SEEN, "unseen") for bone in BONE_PREFIXES),
     "status",
 )
-"""Of ``heldout.csv``, whether anything could be held out or not."""
+"""Columns of ``heldout.csv``, also where nothing could be held out."""
 
 NOTHING = pd.DataFrame(columns=list(COLUMNS))
-"""The table of what was not held out."""
+"""Empty table, for runs without held-out parts."""
 
 
 def by_subject(table: pd.DataFrame) -> pd.DataFrame:
     """Average the gaps of each model, subject and kind over its parts.
 
-    Each part counts as many times as it has postures.
+    The weight of a part is its number of postures.
     """
     columns = [c for c in table.columns if c.endswith("_deg")]
     weighed = table[columns].mul(table["postures"], axis=0).where(table[columns].notna())
@@ -41,12 +41,13 @@ def by_subject(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_model(table: pd.DataFrame) -> pd.DataFrame:
-    """Average the gaps of each model over the subjects, whatever was held out of each."""
+    """Average the gaps of each model over the subjects, whatever the kinds of their held-out parts."""
     return pd.DataFrame(by_subject(table).drop(columns=["subject", "kind"]).groupby("model", sort=False).mean())
 
 
 def fewest_parts(table: pd.DataFrame, subjects: Collection[str]) -> pd.DataFrame:
-    """Keep of these subjects what ``adapt.tables.folds.motions_or_thirds`` holds out: motions, else thirds."""
+    """Keep the parts that ``adapt.tables.folds.motions_or_thirds`` holds out of these subjects: motions, else
+    thirds."""
     motions = table["kind"] == MOTION
     several = table["subject"].isin(table["subject"][motions])
     return pd.DataFrame(table[table["subject"].isin(subjects) & (motions | ~several)]).reset_index(drop=True)

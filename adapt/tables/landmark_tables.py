@@ -1,4 +1,4 @@
-"""The tables of `girdle check`: distances, rigid motions and the thorax of measured landmarks, of one file or two."""
+"""Tables of `girdle check`: distances, rigid motions and the thorax of measured landmarks, of one file or two."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
@@ -17,30 +17,32 @@ from motions.landmarks.two_measurements import RigidMotion, compare_measurements
 from motions.rotations import DEG, compose
 
 BONES = {"thorax": THORAX, "clavicle": CLAVICLE, "scapula": SCAPULA, "humerus": ("GH", "EM", "EL")}
-"""The landmarks of each; AC is one of two bones."""
+"""Landmarks of each bone; AC belongs to two bones."""
 
 ALL = "all"
-"""Every point of a file, as of one bone."""
+"""Name for all points of a file where they count as one bone."""
 
 DISTANCES = ("subject", "bone", "one", "other", "postures", "mean_mm", "sd_mm", "least_mm", "most_mm")
 RANGE = ("person_low_mm", "person_high_mm")
-"""What an adult has (``motions.checks.distances``); empty where nobody has published it."""
+"""Range of adults (``motions.checks.distances``); empty where nobody has published it."""
 
 MOTION = ("angle_deg", "axis_x", "axis_y", "axis_z", "shift_x_mm", "shift_y_mm", "shift_z_mm")
 RESIDUAL = ("residual_mm", "residual_sd_mm", "residual_most_mm", "farthest")
-"""Mean, SD (n - 1) and largest of what the points are off after the motion (Table 5.2), and which is off most."""
+"""Mean, SD (n - 1) and maximum of the residual distances of the points after the motion (Table 5.2), and the point with
+the largest residual."""
 
 DIFFERENCES = ("bone", "one", "other", "first_mm", "second_mm", "difference_mm", "consistent")
-"""difference: first less second (Eq. 4.1, 5.1). consistent: both points are of the largest set that agrees."""
+"""Columns of a comparison. difference: first minus second (Eq. 4.1, 5.1). consistent: 1 where both points belong to the
+largest set that agrees."""
 
 
 def bone_of(one: str, other: str) -> str:
-    """Name the bone that holds both points; empty where none does."""
+    """Return the bone that holds both points; empty where none does."""
     return next((bone for bone, names in BONES.items() if one in names and other in names), "")
 
 
 def distances_table(sets: Sequence[LandmarkSet]) -> pd.DataFrame:
-    """Tabulate every pair of points over the postures: DISTANCES and RANGE."""
+    """Tabulate the distance of every pair of points over the postures: DISTANCES and RANGE."""
     pairs = [(own, *pair) for own in sets for pair in combinations(own.points_mm, 2)]
     rows = [row for pair in pairs for row in _distance(*pair)]
     return pd.DataFrame(rows, columns=[*DISTANCES, *RANGE])
@@ -58,7 +60,8 @@ def _distance(own: LandmarkSet, one: str, other: str) -> Iterator[tuple[object, 
 
 
 def motions_table(sets: Sequence[LandmarkSet]) -> pd.DataFrame:
-    """Tabulate the rigid motion of each bone from the first posture that has it: subject, bone, from, posture, ..."""
+    """Tabulate the rigid motion of each bone from the first posture that has all its points: subject, bone, from,
+    posture, ..."""
     rows = []
     for own in sets:
         for bone, names in _bones_there(own.points_mm).items():
@@ -75,12 +78,13 @@ def _motion(first: Mapping[str, np.ndarray], own: LandmarkSet, posture: int) -> 
     now = [own.points_mm[name][:, posture] for name in first]
     try:
         return rigid_motion(np.stack(list(first.values()), axis=1), np.stack(now, axis=1))
-    except ValueError:  # on a line
+    except ValueError:  # the points lie on a line
         return None
 
 
 def _bones_there(points: Mapping[str, object]) -> dict[str, list[str]]:
-    """The bones of which three points are there; of points that are no landmarks, all as one."""
+    """Return the bones with at least three points; without any landmark among the points, return all points as one
+    bone."""
     if not any(name in points for names in BONES.values() for name in names):
         return {ALL: list(points)}
     there = {bone: [name for name in names if name in points] for bone, names in BONES.items()}
@@ -96,7 +100,7 @@ def _cells(motion: RigidMotion, names: Sequence[str]) -> tuple[object, ...]:
 def two_tables(first: LandmarkSet, second: LandmarkSet) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Tabulate two measurements of one body: DIFFERENCES of every bone's points, and the rigid motion between them.
 
-    ValueError where a file has several postures, or both share no two points of a bone.
+    ValueError where a file has several postures, or where the two files share no two points of a bone.
     """
     places = first.mean_mm(), second.mean_mm()
     common = {name: None for name in places[0] if name in places[1]}
@@ -119,7 +123,7 @@ def two_tables(first: LandmarkSet, second: LandmarkSet) -> tuple[pd.DataFrame, p
 
 
 def thorax_of_landmarks(sets: Sequence[LandmarkSet], R_lab_global: Float[np.ndarray, "3 3"]) -> pd.DataFrame:
-    """Tabulate the thorax against the global frame: subject, posture and THORAX_COLUMNS (Appendix A)."""
+    """Tabulate the orientation of the thorax in the global frame: subject, posture and THORAX_COLUMNS (Appendix A)."""
     rows = []
     for own in sets:
         if set(THORAX) <= set(own.points_mm):

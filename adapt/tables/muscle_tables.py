@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false, reportCallIssue=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
 """Muscle arms and the forces that balance the arm, before and after adaptation, as tables."""
 
 from collections.abc import Sequence
@@ -42,26 +42,26 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 BODY_MASS_KG = 75.0
-"""Of a person of whom it is not given. Assumed: the cadavers of Table 3.1 weighed 71 to 75 kg."""
+"""Default body mass. Assumption: the cadavers of Table 3.1 weighed 71 to 75 kg."""
 
 JOINTS = ("sc", "ac", "gh")
 
 _OLDEST = 2
-"""How many joints the tables began with: columns of a later one come last."""
+"""Number of joints with which the tables begin; columns of the later joints come last."""
 
 
 @dataclass(frozen=True)
 class MuscleTables:
-    """What muscles do before and after adaptation."""
+    """Tables of muscle arms and muscle forces before and after adaptation."""
 
     lines: pd.DataFrame
-    """``muscle_lines.csv``: one row a model, posture, state and line."""
+    """``muscle_lines.csv``: one row per model, posture, state and line."""
     muscles: pd.DataFrame
-    """``muscles.csv``: one row a model, posture and muscle, before and after."""
+    """``muscles.csv``: one row per model, posture and muscle, before and after."""
     arms: pd.DataFrame
-    """``muscle_arms.csv``: one row a model, subject and muscle: the thesis's measure."""
+    """``muscle_arms.csv``: one row per model, subject and muscle, with the measure of the thesis."""
     balance: pd.DataFrame
-    """``balance.csv``: one row a model and posture, before and after."""
+    """``balance.csv``: one row per model and posture, before and after."""
 
 
 def muscle_tables(
@@ -74,9 +74,9 @@ def muscle_tables(
 ) -> MuscleTables:
     """Compute arms and balance of every posture that could be fitted before and after adaptation.
 
-    ``motions``: those of the fits, of which the orientation of the humerus is taken; without them, from the names of
-    the motions (:mod:`motions.landmarks.humerus_pose`). InputError where a set's scapula is not in the thesis's frame,
-    or where there is no such posture; InputWarning where the columns of the humerus look like radians.
+    ``motions``: motions of the fits, which state the orientation of the humerus; without them, the names of the motions
+    determine it (:mod:`motions.landmarks.humerus_pose`). InputError where a set's scapula is not in the frame of the
+    thesis, or where there is no such posture; InputWarning where the columns of the humerus look like radians.
     """
     if motions is not None:
         warn_of_radians(motions)
@@ -91,7 +91,7 @@ def muscle_tables(
 
 
 def serratus_arms(pairs: Sequence[tuple[AnyModel, BeforeAfter]]) -> pd.DataFrame:
-    """Tabulate ``muscle_arms.csv`` of the serratus alone, and of the sets whose scapula has landmarks alone."""
+    """Tabulate ``muscle_arms.csv`` for the serratus alone, and only for sets whose scapula has landmarks."""
     parts = []
     for model, pair in pairs:
         subjects = pair.rows["subject"].tolist()
@@ -106,9 +106,10 @@ def serratus_arms(pairs: Sequence[tuple[AnyModel, BeforeAfter]]) -> pd.DataFrame
 
 
 def arms_table(muscles: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate the thesis's measure of a muscle (3.3.1): length of the mean arm, mean over each motion, then over them.
+    """Tabulate the measure of the thesis for a muscle (3.3.1): length of the mean arm, mean over each motion, then over
+    motions.
 
-    ``about_sc_ratio`` and so on: after over before; none about a joint that the muscle does not go over.
+    ``about_sc_ratio`` and so on: after over before; empty about a joint that the muscle does not cross.
     """
     columns = _arm_columns(JOINTS)
     parts = [
@@ -129,14 +130,14 @@ def _arm_columns(joints: Sequence[str]) -> list[str]:
 
 
 def muscle_means(found: MuscleTables) -> pd.DataFrame:
-    """Average over subjects: the arms of ``muscle_arms.csv`` and, over postures, the forces; by model and muscle."""
+    """Average the arms of ``muscle_arms.csv`` over subjects and the forces over postures, by model and muscle."""
     keys = ["model", "muscle"]
     arms = found.arms.groupby(keys, sort=False).mean(numeric_only=True)
     return arms.join(found.muscles.groupby(keys, sort=False)[[f"force_{word}_N" for word in STATES]].mean())
 
 
 def _pose_of(rows: pd.DataFrame, motions: Motions | None) -> HumerusPose:
-    """How the humerus was held in the postures of these rows."""
+    """Return the pose of the humerus in the postures of these rows."""
     if motions is None:
         return named_pose(rows["motion"].tolist(), rows["humerus_elevation_deg"].to_numpy(float))
     keys = [motions.subject, motions.motion, motions.posture]
@@ -148,7 +149,7 @@ def _pose_of(rows: pd.DataFrame, motions: Motions | None) -> HumerusPose:
 
 
 class _Found(NamedTuple):
-    """What the lines of a model do in one state."""
+    """Pulls and balance of a model's lines in one state."""
 
     state: State
     pulls: Pulls
@@ -172,7 +173,7 @@ def _of_model(
 
 
 def _lines(pair: BeforeAfter, lines: MuscleLines, word: str, found: _Found, pose: HumerusPose) -> pd.DataFrame:
-    """One row a posture and line."""
+    """Tabulate the lines, one row per posture and line."""
     state, pulled = found.state, found.pulls
     by_angle = arms_by_angle_mm(lines, pulled, state.girdle, state.angles, pose.angles)
     free = arms_in_free_directions(by_angle, free_directions(state.girdle, state.angles))
@@ -196,7 +197,8 @@ def _by_axis(pulled: Pulls, joints: Sequence[str]) -> dict[str, np.ndarray]:
 
 
 def _muscles(pair: BeforeAfter, lines: MuscleLines, found: dict[str, _Found], pose: HumerusPose) -> pd.DataFrame:
-    """One row a posture and muscle; ``moment_gh_before_Nm`` ...: about the axis of elevation, up positive."""
+    """Tabulate the muscles, one row per posture and muscle; ``moment_gh_before_Nm`` ...: moment about the axis of
+    elevation, positive upwards."""
     both = [one.pulls for one in found.values()]
     table = _muscle_arms(pair, lines, both, JOINTS[:_OLDEST])
     for word, one in found.items():
@@ -219,7 +221,7 @@ def _elevation_axis(pose: HumerusPose) -> Float[np.ndarray, " 3 postures"]:
 
 
 def _by_muscle(lines: MuscleLines, values: Float[np.ndarray, " lines postures"]) -> np.ndarray:
-    """Add up over the lines of each muscle, one number a posture and muscle."""
+    """Sum over the lines of each muscle, to one number per posture and muscle."""
     return np.stack([values[lines.of(muscle)].sum(axis=0) for muscle in lines.muscles]).T.ravel()
 
 
@@ -236,12 +238,13 @@ def _muscle_arms(pair: BeforeAfter, lines: MuscleLines, found: list[Pulls], join
 def _balance(
     pair: BeforeAfter, lines: MuscleLines, found: dict[str, _Found], pose: HumerusPose, load: ArmLoad
 ) -> pd.DataFrame:
-    """One row a posture: statuses, contact forces, the largest share of a line's strength, the change, and GH.
+    """Tabulate, one row per posture: statuses, contact forces, the largest share of a line's strength, the change, and
+    GH.
 
-    ``moved_share``: half of the sum of |change| of the muscles' forces over the sum before: 0 the same forces, 1 wholly
-    other ones (in size or in which muscle). ``GH_before_N`` ...: force on the glenoid; ``GH_off_centre_before`` ...:
-    how far toward its rim it points, 1 the rim; ``load_gh_before_Nm`` ...: moment of arm and load about the axis of
-    elevation.
+    ``moved_share``: half of the sum of |change| of the muscle forces, divided by the sum before: 0 for the same forces,
+    1 for entirely different ones (in size or in muscle). ``GH_before_N`` ...: force on the glenoid;
+    ``GH_off_centre_before`` ...: how far towards the rim of the glenoid this force points, 1 at the rim;
+    ``load_gh_before_Nm`` ...: moment of arm and load about the axis of elevation.
     """
     table = pair.rows.copy()
     for word, one in found.items():
@@ -267,7 +270,8 @@ def _repeated(rows: pd.DataFrame, times: int) -> pd.DataFrame:
 
 
 def force_means(balances: pd.DataFrame) -> dict[str, dict[str, float]]:
-    """Average the numbers of ``balance.csv`` over the postures of each model; ``unbalanced`` and ``postures`` count."""
+    """Average the numbers of ``balance.csv`` over the postures of each model; ``unbalanced`` and ``postures`` are
+    counts."""
     means = balances.groupby("model", sort=False).mean(numeric_only=True)
     counts = {"unbalanced": unbalanced(balances)["model"].value_counts(), "postures": balances["model"].value_counts()}
     means = means.assign(**{name: count.reindex(means.index).fillna(0) for name, count in counts.items()})
@@ -288,7 +292,7 @@ _KNOWN_BY = {
 
 
 def humerus_known_by(balances: pd.DataFrame) -> list[str]:
-    """Say what the orientation of the humerus is known by, a sentence each for how many postures."""
+    """List the sources of the humerus orientation: one sentence per source, with its number of postures."""
     one = balances[balances["model"] == balances["model"].iloc[0]]
     counts = one["humerus_known_by"].value_counts()
     return [

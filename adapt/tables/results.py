@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportIndexIssue=false, reportArgumentType=false, reportReturnType=false
 # pyright: reportGeneralTypeIssues=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The results as tables: one row a posture, one row a subject, and the thesis's tables. Pandas lives here."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Results as pandas tables: one row per posture, one row per subject, and the tables of the thesis."""
 
 import csv
 import io
@@ -35,19 +35,19 @@ ALL_MOTIONS = "all"
 """Name, in the summary, of all motions of a subject together."""
 
 STATISTICS = ("mean", "std", "max", "min")
-"""The last rows of the thesis's tables; std with n - 1."""
+"""Last rows of the tables of the thesis; std with n - 1."""
 
 DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
 
 HELD_OUT = {bone: f"{bone}_held_out_deg" for bone in BONES}
-"""The last columns of the summary, by bone."""
+"""Last columns of the summary, by bone."""
 
 SUBJECT_COLUMNS = [
     *("motion", "subject"),
     *(f"{name}_deg" for name in (*ANGLES, *BONES)),
     *("postures", "postures_ok"),
 ]
-"""Of the summary, where model and state are known."""
+"""Columns of the summary of one model and state."""
 
 SubjectRows = Mapping[tuple[str, int], pd.DataFrame]
 """Rows of a table by model and state (0: as the model is, 1: adapted)."""
@@ -55,23 +55,23 @@ SubjectRows = Mapping[tuple[str, int], pd.DataFrame]
 
 @dataclass(frozen=True, repr=False)
 class Tables:
-    """The tables of an adaptation."""
+    """Tables of an adaptation."""
 
     fits: pd.DataFrame
-    """One row a model, posture and state (adapted or not): the columns of ``fits.csv``."""
+    """``fits.csv``: one row per model, posture and state (adapted or not)."""
     parameters: pd.DataFrame
-    """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
+    """``parameters.csv``: one row per model and subject; Tables 6.5 and 6.6."""
     heldout: pd.DataFrame
-    """One row a model, subject and part held out: the columns of ``heldout.csv``; none of whom none was asked for."""
+    """``heldout.csv``: one row per model, subject and held-out part, for the subjects with held-out parts."""
     subjects: SubjectRows
-    """What the summary is made of."""
+    """Rows of subjects from which the summary is computed."""
 
     def __repr__(self) -> str:
         models = ", ".join(dict.fromkeys(self.parameters["model"]))
         return f"{type(self).__name__}({self.parameters['subject'].nunique()} subjects, {models})"
 
     def _repr_html_(self) -> str:
-        """Show the mean gaps over the subjects, degrees, where a notebook asks for it."""
+        """Return the mean gaps over the subjects, degrees, as a notebook shows them."""
         summary = self.summary
         means = summary[(summary["subject"] == "mean") & (summary["motion"] == ALL_MOTIONS)]
         columns = ["model", "adapted", *(f"{bone}_deg" for bone in BONES), *HELD_OUT.values()]
@@ -79,13 +79,13 @@ class Tables:
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4; and of what was held
-        out."""
+        """Mean absolute differences by model, motion and subject: in sample by angle (Tables 6.1-6.4), held out by
+        bone."""
         return summary_of(self.subjects, self.heldout)
 
 
 def as_csv(table: pd.DataFrame) -> str:
-    """Format a table as CSV with every digit that the numbers have; an empty cell is 'no value'.
+    """Format a table as CSV with every digit of the numbers; an empty cell means 'no value'.
 
     pandas would write the same, in three times as much time.
     """
@@ -103,7 +103,7 @@ def _cells(column: pd.Series) -> list[str]:
 
 
 def _number_cells(numbers: Shaped[np.ndarray, " rows"]) -> list[str]:
-    """The shortest text that gives each number back, as Python's ``repr`` writes it."""
+    """Return the shortest text from which each number can be read back exactly, as Python's ``repr`` writes it."""
     cells = orjson.dumps(np.ascontiguousarray(numbers), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1].decode().split(",")
     size = np.abs(numbers)
     others = np.flatnonzero(~((size < _MOST_TINY) | (size >= _LEAST_ALIKE) & (size < _FIRST_OTHER)))
@@ -113,12 +113,12 @@ def _number_cells(numbers: Shaped[np.ndarray, " rows"]) -> list[str]:
 
 
 _MOST_TINY, _LEAST_ALIKE, _FIRST_OTHER = 1e-9, 1e-4, 1e16
-"""Below the first and between the others JSON writes a number as Python does. Elsewhere Python has an exponent of two
-digits at least; not a number is in no JSON."""
+"""Limits on the size of numbers that JSON writes as Python does: below the first, and from the second to the third.
+Elsewhere Python writes an exponent of at least two digits, and JSON has no NaN."""
 
 
 def _text(value: object) -> str:
-    """A cell with the quotation marks that it needs."""
+    """Format a cell, with the quotation marks that it needs."""
     if value is None or value != value:
         return ""
     text = io.StringIO()
@@ -157,18 +157,18 @@ def fits_table(motions: Motions, model: str, adapted: bool, fitted: PostureSolut
 def summary_table(fits: pd.DataFrame) -> pd.DataFrame:
     """Tabulate ``summary.csv``: mean absolute difference in degrees by subject and angle.
 
-    The rows mean, std, max and min come with the subjects. The layout is that of Tables 6.1-6.4, one block per model,
-    motion (each, and all together) and state (before, after). Only postures whose fit is ``ok`` count; ``postures`` and
-    ``postures_ok`` say how many there were and counted. ``clavicle`` and ``scapula`` are the means of their three
-    angles. After adaptation HELD_OUT says the same of each bone where the row's postures were held out from it: a
-    motion, each in turn for all motions together, thirds of the postures of who has a single motion. Empty for who was
-    not held out (``heldout.csv``).
+    The rows mean, std, max and min follow the subjects. The layout is that of Tables 6.1-6.4, one block per model,
+    motion (each, and all together) and state (before, after). Only postures whose fit is ``ok`` count; ``postures`` is
+    the number of all, ``postures_ok`` of those that count. ``clavicle`` and ``scapula`` are the means of their three
+    angles. After adaptation HELD_OUT has the same mean for each bone, with the row's postures held out: a motion; each
+    motion in turn for all motions together; thirds of the postures of a subject with a single motion. The cells are
+    empty for subjects without held-out parts (``heldout.csv``).
     """
     return summary_of(rows_of_subjects(fits))
 
 
 def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
-    """Collect what a summary is made of: the rows of subjects, of all motions and of each, by model and state."""
+    """Collect the rows of subjects for a summary, over all motions and for each motion, by model and state."""
     whole = _means(fits, "model", "adapted", "subject").assign(motion=ALL_MOTIONS)
     each = dict(iter(_means(fits, "model", "adapted", "motion", "subject").groupby(["model", "adapted"])))
     return {
@@ -178,12 +178,12 @@ def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
 
 
 def _by_motion(rows: pd.DataFrame) -> pd.DataFrame:
-    """Motions in the order in which they first appear, subjects as they stand."""
+    """Sort motions by first appearance, and leave the subjects in their order."""
     return rows.sort_values("motion", key=lambda motions: pd.factorize(motions)[0], kind="stable")
 
 
 def _means(fits: pd.DataFrame, *keys: str) -> pd.DataFrame:
-    """Mean absolute differences of the postures with the same keys."""
+    """Compute mean absolute differences over the postures with the same keys."""
     good = fits["status"] == status.OK
     absolute = fits[DIFFERENCES].abs().where(good).set_axis([f"{angle}_deg" for angle in ANGLES], axis=1)
     groups = absolute.assign(postures=1, postures_ok=good).groupby([fits[key] for key in keys], sort=False)
@@ -194,7 +194,7 @@ def _means(fits: pd.DataFrame, *keys: str) -> pd.DataFrame:
 
 
 def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
-    """Build the :func:`summary_table` of these rows of subjects, by model and state."""
+    """Build the :func:`summary_table` from these rows of subjects, by model and state."""
     pieces = (summary_pieces(*key, lambda rows=rows: [rows], heldout) for key, rows in subjects.items())
     return pd.concat(chain.from_iterable(pieces), ignore_index=True)
 
@@ -202,13 +202,14 @@ def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.Dat
 def summary_pieces(
     model: str, adapted: int, parts: Callable[[], Iterable[pd.DataFrame]], heldout: pd.DataFrame = NOTHING
 ) -> Iterator[pd.DataFrame]:
-    """Build it of one model and state: motion by motion, and of each the rows part by part, then their statistics.
+    """Build the summary of one model and state: for each motion the rows of subjects, part by part, then their
+    statistics.
 
-    ``parts`` gives the rows of subjects anew each time, as there may be more of them than fit in memory.
+    ``parts`` returns the rows of subjects anew each time, as there may be more of them than fit in memory.
     """
     found = _HeldOut.of(heldout[heldout["model"] == model] if adapted else NOTHING)
     motions = list(dict.fromkeys(chain.from_iterable(rows["motion"].unique() for rows in parts())))
-    # With one motion alone, all motions say the same.
+    # With a single motion, its block would repeat the block of all motions.
     for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
         numbers: list[pd.DataFrame] = []
         for rows in parts():
@@ -224,12 +225,12 @@ def _labelled(block: pd.DataFrame, model: str, adapted: int, motion: str) -> pd.
 
 
 class _HeldOut(NamedTuple):
-    """The gaps on held-out postures of the subjects of one model."""
+    """Gaps on held-out postures of the subjects of one model."""
 
     gaps: pd.DataFrame
-    """By subject and what was held out."""
+    """Gaps by subject and held-out part."""
     several: frozenset[str]
-    """Of whom each motion was."""
+    """Subjects with each motion held out."""
 
     @staticmethod
     def of(heldout: pd.DataFrame) -> "_HeldOut":
@@ -239,8 +240,8 @@ class _HeldOut(NamedTuple):
         return _HeldOut(pd.concat([motions, whole]).set_index(["subject", "held_out"]), several)
 
     def beside(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Give the rows of subjects with HELD_OUT, where there is a gap in sample to stand beside."""
-        some = rows[rows["subject"].isin(self.gaps.index.get_level_values("subject"))]  # of many few are held out
+        """Add HELD_OUT to the rows of subjects, where there is an in-sample gap to compare with."""
+        some = rows[rows["subject"].isin(self.gaps.index.get_level_values("subject"))]  # few subjects in large runs
         if some.empty:
             return rows.assign(**dict.fromkeys(HELD_OUT.values(), np.nan))
         part = some["motion"].where(some["subject"].isin(self.several), ALL_MOTIONS)
@@ -268,8 +269,9 @@ def parameters_table(
 ) -> pd.DataFrame:
     """Tabulate ``parameters.csv``: one row per model and subject.
 
-    Lengths are in mm, J in deg^2, E in the units of its reading; ``L_mm2`` is there only where landmarks count.
-    ``sd_mm``: of ``adapt.evaluation.covariance``, problem = model * subjects + subject; none of who was not adapted.
+    Lengths are in mm, J in deg^2, E in the units of its objective variant; ``L_mm2`` exists only where landmarks count.
+    ``sd_mm``: SDs of ``adapt.evaluation.covariance``, problem = model * subjects + subject; left empty for subjects
+    that were not adapted.
     """
     each = np.split(sd_mm, len(models), axis=1)
     return pd.concat(
@@ -303,8 +305,8 @@ def _model_parameters(subjects, model: AnyModel, adapted: Adapted, sd_mm, fits: 
 
 
 def own_columns(own: OwnBones, words: Shaped[np.ndarray, " problems"]) -> dict[str, np.ndarray]:
-    """Give the columns of ``parameters.csv`` behind all others: the sizes of bones and frames of each person's own with
-    their SDs, scales, noise, and what is far from people."""
+    """Return the last columns of ``parameters.csv``: each person's own sizes of bones and frames with their SDs,
+    scales, noise, sizes far from people, and undetermined sizes."""
     good, columns = words == status.OK, {}
     for k, size in enumerate(SIZES[len(ADAPTED) :], len(ADAPTED)):
         columns[size.key] = np.where(good, own.sizes[k], np.nan)
@@ -319,20 +321,20 @@ def own_columns(own: OwnBones, words: Shaped[np.ndarray, " problems"]) -> dict[s
 
 
 FAR_SDS = 2.5
-"""Of a size from the set's beyond which it is said to be far from what people are."""
+"""Distance of a size from the set's, in SDs, beyond which the size is reported as far from people."""
 
 UNTOLD = 0.9
-"""A size whose posterior SD is more of the prior's is one of which the motions say next to nothing."""
+"""Ratio of posterior to prior SD above which the motions are said to determine next to nothing of a size."""
 
 OWN_WORD = "own_bones"
-"""The column that says what became of the bones of a person's own (``own_adaptation.WORDS``)."""
+"""Name of the column with the outcome of own bones (``own_adaptation.WORDS``)."""
 
 OWN_SCALES = ("adapted_scale", "bones_scale", "frames_scale", "noise_deg")
 
 
 def girdles_after(model: AnyModel, subjects: Sequence[str], parameters: pd.DataFrame) -> Girdle:
-    """Build the adapted girdle of each of these subjects, as often as it is named, from the rows of ``parameters.csv``
-    of a model; NaN of who is not there."""
+    """Build the adapted girdle of each of these subjects from a model's rows of ``parameters.csv``. Subjects may be
+    repeated; a subject without a row gets NaN."""
     table = parameters[parameters["model"] == model.name].set_index("subject").reindex(list(subjects))
     girdle = jax.tree.map(np.asarray, girdles_of(model, subjects))
     theta = table[[f"{name}_mm" for name in ADAPTED]].to_numpy(float).T

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The thorax against the global frame (Appendix A) as a table, where motion files have it."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Orientation of the thorax in the global frame (Appendix A) as a table, where motion files have it."""
 
 import numpy as np
 import pandas as pd
@@ -10,7 +10,7 @@ from motions.landmarks.sampled_postures import THORAX_COLUMNS
 from motions.table import Motions
 
 THORAX_WORDS = dict(zip(THORAX_COLUMNS, ("backward tilt", "torsion to the left", "flexion to the left"), strict=True))
-"""What each angle is in the direction in which it grows."""
+"""Name of the movement in the positive direction of each angle."""
 
 COLUMNS = ("subject", "motion", "angle", "postures", "median_deg", "least_deg", "most_deg")
 
@@ -18,7 +18,7 @@ COLUMNS = ("subject", "motion", "angle", "postures", "median_deg", "least_deg", 
 def thorax_table(motions: Motions) -> pd.DataFrame:
     """Tabulate median and range of the three angles over the postures of each motion of each subject: ``COLUMNS``.
 
-    No rows where no posture has the columns of ``THORAX_COLUMNS``.
+    The table is empty where the motions lack the columns ``THORAX_COLUMNS``.
     """
     rows = []
     if not set(THORAX_COLUMNS) <= set(motions.extra.columns):

@@ -1,1 +1,1 @@
-"""How far an adaptation can be trusted: its uncertainty, its gap on what was held out of it, and if it is a thorax."""
+"""Trust in an adaptation: uncertainty, held-out gap, and checks whether the ellipsoid can be a thorax."""

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false
 # pyright: reportGeneralTypeIssues=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""How far an adaptation can be trusted: its uncertainty, its held-out gap, if it is a thorax, and if
+"""Assessment of an adaptation: uncertainty, held-out gap, and checks whether the ellipsoid can be a thorax and whether
 forces act as before."""
 
 from collections.abc import Callable, Sequence
@@ -35,28 +35,29 @@ from motions.errors import InputError
 from motions.table import Motions, check_motions
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
-"""Where an interval comes from: +-1.96 SD within the bounds; the bounds, at one of them."""
+"""Origins of an interval: +-1.96 SD within the bounds; the bounds, for a parameter at a bound; no interval."""
 
 _ALMOST_NO_POINTS = 1e3
-"""Factor on w at which the thorax points only decide what the motion leaves open: D counts a thousandth."""
+"""Factor on w at which the thorax points determine only what the motion leaves undetermined: D has a thousandth of its
+weight."""
 
 
 @dataclass(frozen=True)
 class Trust:
-    """Tables of an adaptation; see the functions that make them for their columns."""
+    """Tables of an adaptation; their columns are described at the functions that make them."""
 
     adaptations: Adaptations
-    """With both kinds of folds held out."""
+    """Adaptations, with motions and with thirds of the postures held out."""
     subjects: pd.DataFrame
-    """``trust.csv``: one row a model and subject."""
+    """``trust.csv``: one row per model and subject."""
     uncertainty: pd.DataFrame
-    """``uncertainty.csv``: one row a model, subject and parameter."""
+    """``uncertainty.csv``: one row per model, subject and parameter."""
     plausibility: pd.DataFrame
-    """``plausibility.csv``: one row a model, subject and check."""
+    """``plausibility.csv``: one row per model, subject and check."""
     contact: pd.DataFrame
-    """``contact.csv``: one row a model and posture."""
+    """``contact.csv``: one row per model and posture."""
     weights: pd.DataFrame | None
-    """``weights.csv``: one row a model and w; None unless asked for."""
+    """``weights.csv``: one row per model and w; None unless requested."""
 
 
 def assess_trust(
@@ -67,11 +68,11 @@ def assess_trust(
     progress: Callable[[str], None] = lambda _: None,
     own_bones: bool = False,
 ) -> Trust:
-    """Adapt every model to every subject and judge the result.
+    """Adapt every model to every subject and assess the result.
 
     E = D + weight mean(J), mm^2 and deg^2, as in ``adapt_subjects``; ``choose_weight`` also tries other w on held-out
-    motions. ``own_bones``: of the adaptation with own bones, whose E has no points, bounds or w to
-    judge: intervals are those of its posterior.
+    motions. ``own_bones`` assesses the adaptation with own bones, whose E has no thorax points, bounds or w to assess;
+    the intervals are then those of its posterior.
     """
     check_motions(motions)
     models = as_list(models)
@@ -101,7 +102,7 @@ def assess_trust(
 def intervals(
     data: Problems, adapted: Adapted, found: Uncertainty
 ) -> tuple[Float[np.ndarray, "2 6 problems"], np.ndarray]:
-    """Compute the 95 % intervals, mm, within the bounds, and name where each comes from."""
+    """Compute the 95 % intervals within the bounds, mm, and the origin of each."""
     bounds = np.where(found.bounded, data.bounds_mm, np.array([-np.inf, np.inf])[:, None, None])
     half = NORMAL_95 * found.sd_mm
     ends = np.clip(np.stack([adapted.theta_mm - half, adapted.theta_mm + half]), bounds[:1], bounds[1:])
@@ -119,12 +120,12 @@ def uncertainty_table(
 ) -> pd.DataFrame:
     """Tabulate ``uncertainty.csv``, mm, one row per model, subject and adapted parameter.
 
-    ``low_mm`` and ``high_mm`` are the 95 % interval, ``interval`` where it comes from. ``sd_mm`` is all parts together,
-    as far as the bounds leave room for them, ``sd_noise_mm`` what repeated measurement of the same person would scatter
-    by, ``sd_person_mm`` what comes from the thorax points being another person's. ``profile_low_mm`` and
-    ``profile_high_mm``, where SD > ``FLAT_MM``: how far E itself would let the parameter go, a check of the parabola
-    (simulated, the interval holds the truth as often as it should, the profile less often). ``points_share``: of what
-    holds the parameter, the share that is the thorax points'.
+    ``low_mm`` and ``high_mm`` are the 95 % interval, ``interval`` is the interval's origin. ``sd_mm`` is the total SD,
+    as far as the bounds leave room; ``sd_noise_mm`` is the SD of repeated measurements of the same person;
+    ``sd_person_mm`` is the SD that arises because the thorax points are another person's. ``profile_low_mm`` and
+    ``profile_high_mm``, given where SD > ``FLAT_MM``, are the ends of the profile interval of E, a check of the
+    parabola (in simulations the interval holds the truth as often as it should, the profile less often).
+    ``points_share`` is the share of the thorax points in the information on the parameter.
     """
     ends, origin = intervals(data, adapted, found)
     words, good = adapted.status, adapted.status == status.OK
@@ -147,9 +148,9 @@ def uncertainty_table(
 
 
 def plausibility_table(subjects: Sequence[str], models: Sequence[AnyModel], adapted: Adapted) -> pd.DataFrame:
-    """Tabulate ``plausibility.csv``: value, limits, their reason, and ``pass`` or ``warning``.
+    """Tabulate ``plausibility.csv``: value, limits, reason of the limits, and ``pass`` or ``warning``.
 
-    One row per model, subject and check; ``own_value`` is the value of the parameter set itself.
+    There is one row per model, subject and check; ``own_value`` is the value of the parameter set itself.
     """
     rows = []
     for (model, subject), theta_mm in zip(product(models, subjects), adapted.theta_mm.T, strict=True):
@@ -161,9 +162,9 @@ def plausibility_table(subjects: Sequence[str], models: Sequence[AnyModel], adap
 
 
 def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
-    """Compute by subject the share of steps along its motions that stay on one branch of solutions.
+    """Compute, by subject, the share of steps along the motions that stay on one branch of solutions.
 
-    ``fits`` are those after adaptation. NaN for a subject without steps.
+    ``fits`` are the posture fits after adaptation. The share is NaN for a subject without steps.
     """
     step, smooth = motions.previous_rows() >= 0, fits["jump"].to_numpy() != 1
     steps = {name: own[step[own]] for name, own in zip(motions.subjects, motions.rows_by_subject(), strict=True)}
@@ -171,10 +172,10 @@ def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
 
 
 def _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible) -> pd.DataFrame:
-    """``trust.csv``: gaps are mean |simulated - measured| over all angles, degrees.
+    """Tabulate ``trust.csv``; gaps are mean |simulated - measured| over all angles, degrees.
 
-    ``points_forbid``: of the fall of mean J that there would be without the thorax points, within the bounds, the share
-    that they forbid. ``jump_free``: share of steps along the motions without a jump to another branch.
+    ``points_forbid`` is the share of the possible decrease of mean J, without the thorax points but within the bounds,
+    that these points prevent. ``jump_free`` is the share of steps along the motions without a jump to another branch.
     """
     unseen = by_subject(heldout).set_index(["model", "subject", "kind"])["gap_unseen_deg"].to_dict()
     fits = result.fits.assign(
@@ -205,10 +206,11 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
 
 
 def improvement_blocked_by_points(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:
-    """Compute the share of the possible fall of mean J that the thorax points block.
+    """Compute the share of the possible decrease of mean J that the thorax points prevent.
 
-    Of the fall of mean J from before adaptation to an adaptation without thorax points, it is the part that does not
-    come about with them. NaN where the one without them failed, or ended in a local minimum above the one with them.
+    The possible decrease leads from mean J before adaptation to mean J adapted without the thorax points; an adaptation
+    with these points achieves only a part. The share is NaN where the adaptation without the points failed, did not
+    decrease mean J, or ended in a local minimum above the adaptation with them.
     """
     if not without_deg2 < before_deg2 or not without_deg2 <= adapted_deg2:
         return float("nan")

@@ -1,4 +1,4 @@
-"""Directions in which an adaptation is hardly determined, in words."""
+"""Description, in words, of directions in which the data hardly determine an adaptation."""
 
 import numpy as np
 from jaxtyping import Float
@@ -6,18 +6,18 @@ from jaxtyping import Float
 from models.adapted_parameters import ADAPTED
 
 FLAT_MM = 10.0
-"""A direction whose SD is longer is flat. One cadaver's thorax, fitted by its points twice (Table 4.5, MRI and
-dissection), agreed to less (M_z 5, A_x 2, A_z 9 mm) but for M_y (32) and A_y (40), which interact (4.3.6)."""
+"""SD above which a direction counts as flat. Two fits of one cadaver's thorax to its points (Table 4.5, MRI and
+dissection) differed by less (M_z 5, A_x 2, A_z 9 mm), except for M_y (32) and A_y (40), which interact (4.3.6)."""
 
 _PART = 0.3
-"""A parameter is part of a direction if it moves by more than this share of the one that moves most."""
+"""Movement, as a share of the largest one, above which a parameter is part of a direction."""
 
 
 def flat_directions(covariance_mm2: Float[np.ndarray, "6 6"]) -> list[str]:
     """Describe the principal directions of a covariance with SD above ``FLAT_MM``, flattest first, a sentence each.
 
-    'M_y and A_y only together: 14 mm against 11 mm': one SD along the direction moves the one by 14 mm one way and the
-    other by 11 mm the other way ('with': the same way), which neither the motion nor the points tell from what it is.
+    'M_y and A_y only together: 14 mm against 11 mm' means: one SD along the direction moves M_y by 14 mm and A_y by 11
+    mm in the opposite sense ('with': in the same sense), and neither motion nor thorax points reveal this movement.
     """
     if not np.isfinite(covariance_mm2).all():
         return ["not determined: motion and points leave a direction open"]

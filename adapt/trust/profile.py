@@ -1,8 +1,9 @@
-"""Profile likelihood intervals: how far a parameter may go before E, everything else adapted anew, says no.
+"""Profile likelihood intervals: ranges of a parameter in which the least E over all others stays below a limit.
 
-The profile E_k(v) is the least E with parameter k held at v. By the curvature it rises by (v - theta_k)^2 /
-(2 (H^-1)_kk); an interval of +-1.96 SD is where it has risen by  1/2 (1.96 SD_k)^2 / (H^-1)_kk.  Where E is no
-parabola the true profile reaches that rise elsewhere, and a bound may come first: then the interval ends there, open.
+The profile E_k(v) is the least E with parameter k held at v. For a parabola with the curvature at the optimum, the
+profile rises by (v - theta_k)^2 / (2 (H^-1)_kk), so that at +-1.96 SD it has risen by
+1/2 (1.96 SD_k)^2 / (H^-1)_kk.  Where E is no parabola, the true profile reaches this rise elsewhere. If a bound comes
+first, the interval ends at the bound and is open.
 """
 
 from collections.abc import Callable
@@ -17,19 +18,19 @@ from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.problems import Problems, select_problems
 
 _STRIDES = (1.0, 2.0, 4.0)
-"""Where an end is looked for first, in half widths of the parabola's interval; then at the bound."""
+"""First places of the search for an end, in half widths of the parabola's interval; the last place is the bound."""
 
 _ROUNDS = 4
-"""Evaluations of an end between two such places: the root of a nearly linear function, to some per cent."""
+"""Evaluations per end between two such places, which find the root of a nearly linear function to some per cent."""
 
 
 @dataclass(frozen=True)
 class Profile:
-    """Ends of the 95 % intervals of L problems, mm, lower then upper."""
+    """Ends of the 95 % intervals, mm, lower then upper."""
 
     ends_mm: Float[np.ndarray, "2 adapted problems"]
     open: Bool[np.ndarray, "2 adapted problems"]
-    """The bound came first."""
+    """True where the interval ends at the bound."""
 
 
 def profile_intervals(
@@ -38,7 +39,7 @@ def profile_intervals(
     found: Uncertainty,
     chosen: Bool[np.ndarray, "adapted problems"],
 ) -> Profile:
-    """Find the intervals of the ``chosen`` parameters that are free, of all problems at once; NaN for the others."""
+    """Find the intervals of the ``chosen`` free parameters, in all problems at once; NaN for other parameters."""
     H = found.curvature.of_points + found.curvature.of_motion
     inverse = reduced_inverse(H, found.free)
     width = np.einsum("kkl->kl", inverse)
@@ -53,9 +54,10 @@ def profile_intervals(
     follow = inverse[:, parameter, problem] / width[parameter, problem]
 
     def short_of(value_mm):
-        """By how many mm of the parabola the rise of the profile falls short; far beyond where nothing was found.
+        """Compute by how many mm, measured on the parabola, the rise of the profile is short of the required rise;
+        -``wanted``, far beyond, where no E was found.
 
-        All ends every time: one shape, so that nothing is compiled twice.
+        Each call evaluates all ends, so that the shape stays the same and nothing is compiled twice.
         """
         E = _least_e(repeated, parameter, value_mm, start + follow * (value_mm - best), adapted.weight[problem])
         rise = np.sqrt(2.0 * width[parameter, problem] * np.maximum(E - adapted.E[problem], 0.0))
@@ -66,7 +68,7 @@ def profile_intervals(
 
 
 def _ends(short_of: Callable, best, bound, wanted) -> tuple[np.ndarray, np.ndarray]:
-    """Where the profile has risen enough, or the bound if that comes first; and whether it does."""
+    """Find where the profile has the required rise, or the bound if that comes first; the mask is True at bounds."""
     inside, outside = best, best
     short_inside, short_outside = wanted, wanted
     for stride in (*_STRIDES, np.inf):
@@ -85,7 +87,7 @@ def _ends(short_of: Callable, best, bound, wanted) -> tuple[np.ndarray, np.ndarr
         middle = _crossing(inside, outside, short_inside, short_outside)
         short = short_of(np.where(is_open, bound, middle))
         within = short > 0.0
-        # The Illinois rule: the end that stays counts half, so that both ends close in.
+        # Illinois rule: the value at the end that stays is halved, so that both ends close in.
         short_outside = np.where(within, 0.5 * short_outside, short)
         short_inside = np.where(within, short, 0.5 * short_inside)
         inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
@@ -93,14 +95,14 @@ def _ends(short_of: Callable, best, bound, wanted) -> tuple[np.ndarray, np.ndarr
 
 
 def _crossing(inside, outside, short_inside, short_outside):
-    """Where the straight line between two places, one short of the rise and one beyond, has it."""
+    """Find, by linear interpolation between a place short of the rise and one beyond, where the rise is reached."""
     apart = short_inside - short_outside
     return inside + np.where(apart > 0.0, short_inside / np.where(apart > 0.0, apart, 1.0), 0.0) * (outside - inside)
 
 
 def _least_e(data: Problems, parameter, value_mm, start_mm, weight) -> Float[np.ndarray, " problems"]:
-    """E with one parameter of each problem held at a value, the others from where the parabola has them; NaN where that
-    did not converge."""
+    """Minimise E with one parameter of each problem held at a value, starting from the parabola's other parameters; NaN
+    where the search did not converge."""
     problem = np.arange(len(value_mm))
     bounds = np.array(data.bounds_mm)
     bounds[:, parameter, problem] = value_mm

@@ -1,10 +1,10 @@
-"""Whether the size of an adapted ellipsoid, its distances to thorax points, TS and AI, and the conoid's length
-could be a person's.
+"""Checks whether an adapted ellipsoid's size, its distances to thorax points, TS and AI, and the conoid length could be
+a person's.
 
-Each check has limits with a reason. Outside of them is a warning, not a failure: the fit stands, but the ellipsoid is
-then a device that lets the scapula move as measured and no longer a thorax. Within them it need not be one: its shape
-is checked where the thorax points are, and nowhere else. What it does to contact, conoid and serratus (thesis 6.4) is
-checked in ``adapt.trust.changed_forces``.
+Each check has limits with a reason. A value outside the limits gives a warning, not a failure: the fit stands, but the
+ellipsoid is then only a device that lets the scapula move as measured, not a thorax. An ellipsoid within the limits
+need not be a thorax: its shape is checked only near the thorax points. ``adapt.trust.changed_forces`` checks its
+effects on contact, conoid and serratus (thesis 6.4).
 """
 
 from dataclasses import dataclass
@@ -20,52 +20,56 @@ PASS, WARNING = "pass", "warning"
 
 DEPTH_MM = (143.0, 275.0)
 WIDTH_MM = (222.0, 356.0)
-"""The smallest and the largest of 507 adults: depth of the chest between spine and sternum, and its diameter, at the
-nipples, "skeletal" both (G. Heinz et al., Exploring relationships in body dimensions, J. Stat. Educ. 11(2),
-2003). The published ellipsoids of four cadavers are 171 to 260 mm deep and 266 to 306 mm wide."""
+"""Smallest and largest chest of 507 adults: depth between spine and sternum, and width (the diameter), at the nipples,
+both "skeletal" (G. Heinz et al., Exploring relationships in body dimensions, J. Stat. Educ. 11(2), 2003). The published
+ellipsoids of four cadavers are 171 to 260 mm deep and 266 to 306 mm wide."""
 
 _ADULTS = "the chests of 507 adults (Heinz 2003)"
 
 _MARGIN = 0.1
-"""Four cadavers do not span everybody: a tenth beyond the smallest and the largest of them. Assumed."""
+"""Share by which limits extend beyond the smallest and largest of four cadavers, who do not represent everybody.
+Assumed."""
 
 VOLUME_L = (8.6 * (1 - _MARGIN), 33.7 * (1 + _MARGIN))
-"""The smallest and the largest published ellipsoid. No chest bounds it: the points leave A_y open, so that a whole
-ellipsoid is no thorax even as published (R2's reaches 700 mm below IJ and holds 34 l, of a body of 73 kg, Table 3.1).
-What a chest bounds is the depth and the width above; beside them the volume finds an A_y that ran away."""
+"""Volumes of the smallest and the largest published ellipsoid, with the margin. No chest limits the volume: the thorax
+points leave A_y undetermined, so that even published ellipsoids are no thoraxes as a whole (R2's reaches 700 mm below
+IJ and holds 34 l, for a body of 73 kg, Table 3.1). Chests limit depth and width; the volume detects an A_y that ran
+away."""
 
 _ELLIPSOIDS = "published ellipsoids of four cadavers (Tables 3.3 and 4.5, DAS3) and a tenth beyond"
 
 CHEST_DEPTH_MM = {"R2": 197.0, "R4": 253.0, "R6": 221.0}
-"""Measured from outside (Table 3.1)."""
+"""Chest depths measured from outside (Table 3.1)."""
 
 DEEPER_THAN_CHEST = 1.32
-"""R2's own ellipsoid is 260 mm deep, its chest 197 mm: no published ellipsoid is deeper for its chest."""
+"""Limit of the ellipsoid's depth over the chest depth: R2's own ellipsoid, 260 mm for a chest of 197 mm, has the
+largest published ratio."""
 
 REGION_MM = 15.0
-"""Two published fits of one cadaver's thorax (MRI, dissection and DAS3) leave each other's points by 1 to 15 mm rms a
-region: farther off it is another thorax. Nor does a smooth surface follow ribs much closer: the best sphere leaves the
-ribs under the scapula by 7.9 (SD 1.9) mm rms, ribs 2 to 5, and 10.1 (1.9), 5 to 8, in 50 patients (T. Paquet et al.,
-Defining the shape of the scapulothoracic gliding surface, Surg. Radiol. Anat. 41, 2019)."""
+"""Limit of the root mean square distance of the thorax points of a region. Two published fits of one cadaver's thorax
+(MRI, dissection and DAS3) have such distances of 1 to 15 mm per region to each other's points; a larger distance means
+a different thorax. A smooth surface does not follow ribs much more closely: in 50 patients the root mean square
+distance of the best sphere to the ribs under the scapula was 7.9 (SD 1.9) mm for ribs 2 to 5 and 10.1 (1.9) for ribs 5
+to 8 (T. Paquet et al., Defining the shape of the scapulothoracic gliding surface, Surg. Radiol. Anat. 41, 2019)."""
 
 CONTACT_MM = (DEEPEST_MM, 45.7 * (1 + _MARGIN))
-"""Of TS and AI to the ellipsoid (constraints A1 and A2): not inside it, and a tenth beyond the largest of the shipped
-sets (TS of breteler_mri). An adaptation does not change it; in a set of landmarks and another person's thorax it can
-be anything."""
+"""Limits of the distances of TS and AI to the ellipsoid (constraints A1 and A2): from the depth that palpation noise
+allows to a tenth beyond the largest distance of the shipped sets (TS of breteler_mri). An adaptation does not change
+the distances, but a set of landmarks with another person's thorax can have any."""
 
 CONOID_MM = (1.0, 12.3 + 2 * 6.6)
-"""The conoid of men is 12.3 mm long (SD 6.6; eorif.com, AC anatomy; the thesis, 3.3.1, says 13): two SDs. In 52 fresh
-shoulders it was 14.2 (2.4) and 15.9 (3.0) mm, left and right (an abstract in WPRIM by Y.-F. Jin and others): those vary
-less, but they are of one population. The models' own are 13.2 to 18.3."""
+"""Limits of the conoid length: up to two SDs above the mean of men, 12.3 mm (SD 6.6; eorif.com, AC anatomy; the thesis,
+3.3.1, says 13). In 52 fresh shoulders the length was 14.2 (2.4) and 15.9 (3.0) mm, left and right (an abstract in WPRIM
+by Y.-F. Jin and others): they vary less, but come from one population. The models' own lengths are 13.2 to 18.3."""
 
 REGIONS = {"front": (-180.0, -15.0), "side": (-15.0, 27.5), "back": (27.5, 180.0)}
-"""Azimuths from lateral toward backward, degrees, halfway between the columns of the shipped points: origins of the
-serratus, where it wraps, and under the scapula (thesis 6.2.6)."""
+"""Azimuth ranges from lateral toward backward, degrees, with limits halfway between the columns of the shipped points:
+origins of the serratus, the part round which the serratus wraps, and the part under the scapula (thesis 6.2.6)."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One quantity of an adapted girdle and what it may be."""
+    """One quantity of an adapted girdle and its limits."""
 
     name: str
     value: float
@@ -76,18 +80,19 @@ class Check:
 
     @property
     def verdict(self) -> str:
-        """``pass`` or ``warning``; what is no number is a warning."""
+        """``pass`` or ``warning``; NaN gives ``warning``."""
         return PASS if self.low <= self.value <= self.high else WARNING
 
     def row(self, model: str, subject: str, own_value: float) -> dict[str, object]:
-        """Give the row of ``plausibility.csv``; ``own_value`` is the value of the parameter set itself."""
+        """Return the row of ``plausibility.csv``; ``own_value`` is the value of the parameter set itself."""
         row: dict[str, object] = {"model": model, "subject": subject, "check": self.name}
         row |= {"value": self.value, "own_value": own_value, "low": self.low, "high": self.high}
         return row | {"unit": self.unit, "verdict": self.verdict, "reason": self.reason}
 
 
 def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list[Check]:
-    """Run the checks of size and distance of one adaptation; ``theta_mm`` in the order of ``ADAPTED_PARAMETERS``."""
+    """Return the checks of size and distance of one adaptation; ``theta_mm`` is in the order of
+    ``ADAPTED_PARAMETERS``."""
     adapted = model.girdle.with_adapted(theta_mm)
     A_x, A_y, A_z = (float(x) for x in adapted.semi_axes_mm)
     conoid = float(adapted.conoid_length_mm)
@@ -112,7 +117,7 @@ def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list
 
 
 def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> dict[str, float]:
-    """Compute the RMS distance of the thorax points of each region to the adapted ellipsoid, mm.
+    """Compute the root mean square distance of each region's thorax points to the adapted ellipsoid, mm.
 
     A point on the left counts as its mirror image, as the ellipsoid is symmetric. Regions without points are left out.
     """

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""w of E = D + w mean(J) chosen by motions held out, and what each w costs: D against mean J."""
+"""Choice of w in E = D + w mean(J) by held-out motions, and the trade-off of D against mean J."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,7 +17,8 @@ from adapt.tables.held_out import by_subject
 from motions.rotations import DEG
 
 WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
-"""Half decades about the thesis's 10: between two of them the gap changes by some hundredths of a degree."""
+"""Values of w in steps of half a decade about the thesis's 10; per step the gap changes by some hundredths of a
+degree."""
 
 
 def weight_table(
@@ -28,11 +29,11 @@ def weight_table(
     weights: Sequence[float] = WEIGHTS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """Tabulate ``weights.csv``: one row per model and weight, means over subjects.
+    """Tabulate ``weights.csv``: one row per model and weight, with means over subjects.
 
-    ``thorax_points_rms_mm`` = sqrt(mean D) and ``j_rms_deg`` = sqrt(mean J), of the adaptation to all postures, are the
-    trade-off curve; ``gap_unseen_deg`` is on motions held out, and ``best`` = 1 where it is smallest. Subjects with a
-    single motion have no part in the choice.
+    ``thorax_points_rms_mm`` = sqrt(mean D) and ``j_rms_deg`` = sqrt(mean J) of the adaptation to all postures form the
+    trade-off curve; ``gap_unseen_deg`` is the gap on held-out motions, and ``best`` is 1 where this gap is smallest.
+    Subjects with a single motion are not part of the choice.
     """
     chosen, subjects = [fold for fold in folds if fold.kind == MOTION], len(rows.subjects)
     lines = []

@@ -1,7 +1,8 @@
-"""The candidate unmodelled effects: every module in a folder here that has an ``EFFECT``.
+"""The candidate unmodelled effects: the ``EFFECT`` of every module in the folders here.
 
-To add one, add a file with an ``EFFECT = Effect(...)`` to the folder that says what it changes: the measurement, a
-bone, a joint or the thorax. Nothing has to be registered. One with bone angles in ``may_follow`` has a second course.
+To add an effect, add a file with an ``EFFECT = Effect(...)`` to the folder of what the effect changes: the measurement,
+a bone, a joint or the thorax. Nothing has to be registered. An effect with bone angles in ``may_follow`` gets a second
+basis.
 """
 
 import importlib
@@ -14,7 +15,7 @@ from models.effects.prior import EffectPrior
 from models.effects.set_numbers import NUMBER_EFFECTS
 
 _FOLDERS = ("measurement", "bones", "joints", "thorax")
-"""In the order in which effects act: from what was measured to the bones, then the joints between them."""
+"""Folders in the order in which their effects act: from the measurement to the bones, joints and thorax."""
 
 
 def _of_folder(folder: str) -> list[Effect]:
@@ -33,6 +34,7 @@ _BY_FOLDER = {folder: _of_folder(folder) for folder in _FOLDERS}
 _BY_FOLDER["bones"] += NUMBER_EFFECTS.values()
 
 EFFECTS: dict[str, Effect] = {effect.name: effect for folder in _FOLDERS for effect in _BY_FOLDER[folder]}
-"""Every effect by its name, in the order in which they act: of several, the same result whoever lists them."""
+"""All effects by name, in the order in which they act: the result does not depend on the order in which a user lists
+them."""
 
 __all__ = ["EFFECTS", "NO_ACTIVE_EFFECTS", "ActiveEffects", "AnyGirdle", "Effect", "EffectPrior", "ExtendedGirdle"]

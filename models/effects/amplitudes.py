@@ -1,4 +1,4 @@
-"""Amplitudes of effects that are known to be active: as fits take them, and as a command line gives them."""
+"""Amplitudes of effects that are known to be active: input of fits, and their form on the command line."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,11 +17,12 @@ from motions.table import Motions
 
 @dataclass(frozen=True)
 class PersonalSize:
-    """A size that is not the same in every person: an adaptation fits that of each beside its parameters.
+    """Amplitudes of an effect that differ between persons: an adaptation fits subject-level amplitudes a beside theta.
 
         E = D + w (mean(J_p) + 1 / (6 n) sum ((a - mean) / sd)^2)
 
-    of n postures with six angles: a size that is ``sd`` off counts as much as a degree in one angle of one posture.
+    for n postures with six angles. A deviation of one ``sd`` from ``mean`` (the population amplitudes) counts as much
+    as a residual of one degree in one angle of one posture.
     """
 
     mean: Sequence[float]
@@ -29,23 +30,24 @@ class PersonalSize:
 
 
 Amplitude = Sequence[float] | PersonalSize | str
-"""Of each direction of an effect in its unit (``girdle effects``). That of one that goes with elevation holds at
-``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each direction in turn. ``MEASURED``:
-of SC or AC, the movement that positions have measured (``models.person.positions.measured_movement``)."""
+"""Amplitudes of an effect in its unit (``girdle effects``): one per direction, or all terms of each direction in turn.
+One per direction is the amplitude of the first term of the basis; over elevation, this is the strength at
+``FULL_ELEVATION_DEG``. ``MEASURED``, for SC or AC, stands for the movement that landmark positions have measured
+(``models.person.positions.measured_movement``)."""
 
 Amplitudes = Mapping[str, Amplitude]
-"""By name of the effect."""
+"""Amplitudes by name of the effect."""
 
 NO_EFFECTS: Amplitudes = MappingProxyType({})
 
 OPTION = "--effect"
-"""Of the command line, where an error names it."""
+"""Command-line option, for error messages."""
 
 
 def active_effects(amplitudes: Amplitudes, motions: Motions, library: Mapping[str, Effect] = EFFECTS) -> ActiveEffects:
-    """Return the effects at every posture of the motions, in the order in which they act, that of the library.
+    """Return the effects at every posture of the motions, in the order in which they act (the order of the library).
 
-    library: by name. InputError where there is no such effect in it or its numbers do not fit it.
+    ``library``: effects by name. InputError where it lacks an effect, or where the amplitudes do not fit the effect.
     """
     effects = _in_order(amplitudes, library)
     given: list[Amplitude] = [amplitudes[effect.name] for effect in effects]
@@ -64,8 +66,8 @@ def _in_order(amplitudes: Amplitudes, library: Mapping[str, Effect]) -> list[Eff
 def sizes_of_persons(
     amplitudes: Amplitudes, sizes: Float[np.ndarray, "sizes persons"], library: Mapping[str, Effect] = EFFECTS
 ) -> dict[str, Float[np.ndarray, " persons"]]:
-    """Turn sizes in SDs off the mean (``ActiveEffects.own``) into amplitudes, by effect, direction and, where a course
-    has several, term."""
+    """Convert deviations from the mean in SDs (``ActiveEffects.own``) into amplitudes, by effect, direction and, if a
+    basis has several terms, term."""
     found: dict[str, Float[np.ndarray, " persons"]] = {}
     for effect in _in_order(amplitudes, library):
         given = amplitudes[effect.name]
@@ -85,7 +87,7 @@ def _strengths(effect: Effect, given: Amplitude, motions: Motions) -> Float[np.n
 
 
 def as_measured(amplitudes: Amplitudes) -> list[str]:
-    """List the effects that are put in as positions have measured them."""
+    """List the effects whose movement is taken from measured landmark positions."""
     return [name for name, one in amplitudes.items() if isinstance(one, str)]
 
 
@@ -94,7 +96,7 @@ def _mean(given: Sequence[float] | PersonalSize) -> Sequence[float]:
 
 
 def _own(effect: Effect, given: Amplitude, motions: Motions) -> Float[np.ndarray, "sizes channels rows"]:
-    """The strengths of a size that is an SD off, in every way in which persons differ."""
+    """Compute the strengths that a deviation of one SD adds, for every amplitude in which persons differ."""
     columns = effect.columns(motions)
     if not isinstance(given, PersonalSize):
         return columns[:0]
@@ -103,8 +105,8 @@ def _own(effect: Effect, given: Amplitude, motions: Motions) -> Float[np.ndarray
 
 
 def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECTS) -> dict[str, Amplitude]:
-    """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``, ``NAME=A,B,C~D,E,F`` with the SDs of
-    a ``PersonalSize``, or ``NAME=measured``; InputError where one is not that."""
+    """Read amplitudes from the command line: each word is ``NAME=A,B,C``, ``NAME=A,B,C~D,E,F`` with the SDs of a
+    ``PersonalSize``, or ``NAME=measured``. InputError for any other word."""
     found: dict[str, Amplitude] = {}
     for word in words:
         name, _, numbers = (part.strip() for part in word.partition("="))
@@ -118,21 +120,23 @@ def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECT
 
 
 FAR_CONSTANT, FAR_OVER_ELEVATION = 10.0, 30.0
-"""Times its typical size, of what is more likely another unit. An amplitude over elevation is some 3 times the size."""
+"""Multiples of the typical size, for a constant effect and for one over elevation, from which on the amplitude was more
+likely given in another unit. Over elevation, an amplitude is some 3 times the size."""
 
 NEAR_NOTHING = 0.05
-"""Times its typical size in every direction, of what changes nothing that is measured: a share for percent, radians."""
+"""Multiple of the typical size below which, in every direction, an amplitude has no measurable effect and is probably
+in another unit: a share for percent, or radians."""
 
 
 def _doubt(effect: Effect, given: Amplitude) -> None:
-    """Warn of an amplitude that is far from what is believed of the effect."""
+    """Warn of amplitudes far above or below the typical size of the effect."""
     over, share = isinstance(effect.course, OverElevation), isinstance(effect.course, MeasuredLag)
     if isinstance(given, str) or not (over or share or effect.course == CONSTANT):
         return
-    if len(mean := _mean(given)) != len(effect.directions):  # of several terms each
+    if len(mean := _mean(given)) != len(effect.directions):  # several terms per direction
         return
     sd = given.sd if isinstance(given, PersonalSize) else (0.0,) * len(mean)
-    scales = (1.0,) * len(mean) if share else effect.prior.scale  # a share of the whole lag
+    scales = (1.0,) * len(mean) if share else effect.prior.scale  # a share relates to the whole lag
     largest = max((max(abs(a), s) / scale for a, s, scale in zip(mean, sd, scales, strict=True)), default=0.0)
     if 0.0 < largest < NEAR_NOTHING:
         cause = f"{effect.name} of {_vector(mean)}{_unit(effect.name)} is at most {largest:.1%} of its typical size"
@@ -155,7 +159,7 @@ def _numbers(effect: Effect, numbers: str) -> tuple[float, ...] | PersonalSize:
 
 
 _DIGITS = 4
-"""Of an amplitude that is printed: to 0.01 % of what is active."""
+"""Significant digits of a printed amplitude: an error of at most 0.05 %."""
 
 
 def rounded(values: Sequence[float]) -> tuple[float, ...]:
@@ -164,7 +168,7 @@ def rounded(values: Sequence[float]) -> tuple[float, ...]:
 
 
 def as_option(name: str, amplitude: Amplitude) -> str:
-    """Write ``NAME=A,B,C`` or ``NAME=A,B,C~D,E,F`` for people; ``read_amplitudes`` reads it as it was ``rounded``."""
+    """Format amplitudes as ``NAME=A,B,C`` or ``NAME=A,B,C~D,E,F``; ``read_amplitudes`` returns them as ``rounded``."""
     if isinstance(amplitude, str):
         return f"{name}={amplitude}"
     parts = (amplitude.mean, amplitude.sd) if isinstance(amplitude, PersonalSize) else (amplitude,)
@@ -172,7 +176,7 @@ def as_option(name: str, amplitude: Amplitude) -> str:
 
 
 def described(amplitudes: Amplitudes) -> str:
-    """Describe the amplitudes as 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
+    """Describe the amplitudes, as in 'scapula_landmark_bias of (0, 12, 0) deg'; empty without effects."""
     return ", ".join(_described(name, size) for name, size in amplitudes.items())
 
 
@@ -192,9 +196,9 @@ def _vector(size: Sequence[float]) -> str:
 
 
 def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effect] = EFFECTS) -> Effect:
-    """Find the effect of this name.
+    """Return the effect of this name.
 
-    InputError that names the place where there is none, and what else than an effect would do there.
+    InputError where there is none; it names ``place``, and the ``others`` that are allowed there beside effects.
     """
     if name not in library:
         known = [*others, *library]
@@ -224,7 +228,7 @@ def _check(effect: Effect, given: Amplitude, place: str) -> None:
 
 
 def _amplitude(effect: Effect, given: Sequence[float]) -> Float[np.ndarray, " amplitudes"]:
-    """All amplitudes; where only one a direction is given, the later terms of its course are zero."""
+    """Return all amplitudes; if only one per direction is given, the later terms of the basis are zero."""
     if len(given) == effect.amplitudes:
         return np.asarray(given, float)
     amplitude = np.zeros((len(effect.directions), len(effect.course.sd)))

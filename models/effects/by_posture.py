@@ -1,9 +1,9 @@
-"""The second course of an effect: over the posture of the bones in place of the elevation of the arm.
+"""The second basis of an effect: over the posture of the bones in place of the elevation of the arm.
 
-strength_k = sum_j a_kj (q_j - q_j^0) / 30 deg of the bones' own Cardan angles q inside the chain, q^0 the published
-mean with the arm hanging. It can be simulated without a humerus, and carries over to motions that nobody saw. The
-angles are those of the model's bones: measured ones in their place would leave out how the constraint turns with the
-posture.
+strength_k = sum_j a_kj (q_j - q_j^0) / 30 deg, where q are the Cardan angles of the bones inside the chain and q^0 is
+their published mean with the arm hanging. This basis needs no humerus for simulation, and it carries over to held-out
+motions. The angles are the model's, because with measured angles the derivative of the constraints would lack the
+dependence of the strength on the posture.
 """
 
 from collections.abc import Callable
@@ -21,23 +21,23 @@ from motions.rotations import DEG, cardan_from_rotation
 from motions.table import ANGLES, Motions
 
 UNIT_DEG = 30.0
-"""A bone angle this far from the published mean at rest has the strength of the amplitude."""
+"""Deviation of a bone angle from the published mean at rest at which the strength equals the amplitude."""
 
 SUFFIX = ":posture"
 
 
 @dataclass(frozen=True)
 class ByPosture(Varying):
-    """Constant amplitudes a bone angle; the chain turns them into strengths."""
+    """Basis with one constant amplitude per direction and bone angle; the chain turns amplitudes into strengths."""
 
     angles: tuple[str, ...] = ()
     word: str = "posture of the bones"
     least_rms: float = 0.05
-    """Of an angle that moves by 5 degrees."""
+    """Lower limit of ``rms``: that of an angle that moves by 5 degrees."""
 
     def strengths(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes components postures"]:
-        """Give the strength of amplitudes of 1 in each direction of the effect, at the measured angles; 0 by one that
-        was not measured."""
+        """Compute the strength of amplitudes of 1 in each direction of the effect, at the measured angles. Angles that
+        were not measured contribute 0."""
         away = (motions.angles_deg.T - REST_DEG[:, None]) / UNIT_DEG
         followed = np.nan_to_num(away[[ANGLES.index(angle) for angle in self.angles]])
         components = directions // len(followed)
@@ -46,8 +46,8 @@ class ByPosture(Varying):
 
 
 def by_posture(effect: Effect) -> Effect:
-    """Give the effect its course over the bone angles that it may follow: one direction for each pair of a direction
-    and an angle, in the unit a 30 degrees."""
+    """Return the effect with a basis over the bone angles that it may follow: one direction per pair of direction and
+    angle, with the amplitude in the effect's unit per 30 degrees."""
     angles = effect.may_follow
     strengths = _strengths(len(effect.directions), angles)
     return replace(
@@ -65,7 +65,7 @@ def by_posture(effect: Effect) -> Effect:
 
 
 def _shared_out(scale: tuple[float, ...], angles: int) -> tuple[float, ...]:
-    """Give each angle its part of the size: what follows several is not larger than what follows one."""
+    """Divide the prior's scale between the angles: an effect of several angles is no larger than an effect of one."""
     return tuple(float(one / np.sqrt(angles)) for one in scale for _ in range(angles))
 
 
@@ -93,7 +93,7 @@ def _adjust_followed(adjust: Adjust, strengths: Strengths) -> Adjust:
 
 
 def bone_angles_from_rest(rotations: Rotations) -> Float[Array, " 6 *batch"]:
-    """Compute (q - q^0) / 30 deg of the bones' Cardan angles."""
+    """Compute (q - q^0) / 30 deg for the Cardan angles q of the bones."""
     angles = xp.concatenate([cardan_from_rotation(R) for R in rotations])
     rest = (REST_DEG / DEG).reshape(-1, *(1,) * (angles.ndim - 1))
     return (angles - rest) * (float(DEG) / UNIT_DEG)

@@ -1,7 +1,7 @@
-"""What an unmodelled effect is: a small change of the girdle, or of what was measured, with an amplitude.
+"""Definition of an unmodelled effect: a small change of the girdle or of the measurement, with an amplitude.
 
-Amplitude zero is the base model. An effect acts where the constraints are evaluated, on the girdle and on the bones'
-rotations as they would be measured, so that every fit that takes constraints takes effects, alone or together.
+Amplitude zero is the base model. An effect acts in the evaluation of the constraints, on the girdle and on the measured
+rotations of the bones. Every fit that uses constraints can therefore use effects, one or several.
 """
 
 from collections.abc import Callable
@@ -18,48 +18,50 @@ from motions.arrays import Array
 from motions.table import Motions
 
 Rotations = tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]
-"""R_thorax_clavicle, R_thorax_scapula."""
+"""Rotations R_thorax_clavicle and R_thorax_scapula of the bones."""
 
 Adjust = Callable[[Girdle, Rotations, Float[Array, " channels *batch"]], tuple[Girdle, Rotations]]
-"""The girdle and the true rotations, from the base girdle, the rotations as measured, and the strength there."""
+"""Function of the base girdle, the measured rotations and the strength that returns the changed girdle and the true
+rotations."""
 
 
 def cause_of(name: str) -> str:
-    """Give the cause of an effect's name: what stands before the colon."""
+    """Return the cause in an effect's name: the part before the colon."""
     return name.partition(":")[0]
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One candidate: ``directions``, each with an amplitude in ``unit`` for each term of its course."""
+    """Candidate effect with ``directions``; each has one amplitude, in ``unit``, per term of the basis."""
 
     name: str
-    """Of the cause; after a colon what its course goes with, where it has another course than the first."""
+    """Name of the cause; for a second basis, followed by a colon and the quantity that this basis follows."""
     what: str
-    """What it changes, one line."""
+    """Description of the change in one line."""
     unit: str
     directions: tuple[str, ...]
     adjust: Adjust
     prior: EffectPrior
-    """What is believed about its size before any data."""
+    """Prior of the size."""
     course: Course = CONSTANT
-    """How the strength follows from the amplitudes at each posture."""
+    """Basis: turns amplitudes into the strength at each posture."""
     may_follow: tuple[str, ...] = ()
-    """Bone angles that it may follow in place of the elevation of the arm: then it has a second course
+    """Bone angles that the effect may follow in place of the elevation of the arm, in a second basis
     (:func:`models.effects.by_posture.by_posture`)."""
     turns_thorax_about: Literal["", "IJ", "ellipsoid"] = ""
-    """The point about which it turns the measured thorax frame, both bones alike, from the true one: the origin IJ or
-    the centre of the ellipsoid. Positions were measured in that frame too. Empty: it does not."""
+    """Centre about which the effect turns the measured thorax frame, in which bones and positions were measured, from
+    the true frame: the origin IJ or the centre of the ellipsoid. Empty for an effect that does not turn this frame."""
     moves_landmarks: bool = True
-    """Whether SC, AC or a landmark of the scapula may lie elsewhere in the measured thorax with it; False of one that
-    changes the surface of the thorax or a distance alone."""
+    """True where the effect may move SC, AC or a landmark of the scapula in the measured thorax frame; False where it
+    changes only the surface of the thorax or a distance."""
     plain_name: str = ""
-    """Of the cause, for a reader of the report who does not know the project; without one its name stands alone."""
+    """Name of the cause for a reader of the report who does not know the project; if empty, the report has only
+    ``name``."""
     strength_unit: str = ""
-    """Of what it does, where its amplitudes have another unit."""
+    """Unit of the strength, if it differs from the unit of the amplitudes."""
 
     def __post_init__(self) -> None:
-        """Check the prior. ValueError if scales or signs are not one a direction, or a scale is not above 0."""
+        """Check the prior. ValueError if there is not one scale or sign per direction, or if a scale is not above 0."""
         count = len(self.directions)
         if len(self.prior.scale) != count or len(self.prior.sign) not in (0, count):
             raise ValueError(
@@ -70,29 +72,29 @@ class Effect:
 
     @property
     def cause(self) -> str:
-        """What is active, whatever its course: the name up to the colon."""
+        """Name up to the colon, the same for every basis of the effect."""
         return cause_of(self.name)
 
     @property
     def amplitudes(self) -> int:
-        """How many numbers describe this effect."""
+        """Number of amplitudes: directions times terms of the basis."""
         return len(self.directions) * len(self.course.sd)
 
     @property
     def size_unit(self) -> str:
-        """The unit of its size: of what it does, and of the scale of its prior."""
+        """Unit of the size, which is the unit of the strength and of the prior's scale."""
         return self.strength_unit or self.unit
 
     def amplitude_prior(self, motions: Motions) -> AmplitudePrior:
-        """Compute the prior of each amplitude for these postures (:mod:`models.effects.prior`)."""
+        """Compute the prior of each amplitude at these postures (:mod:`models.effects.prior`)."""
         return amplitude_prior(self.prior, self.course.sd, self.course.rms(len(self.directions), motions))
 
     def columns(self, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
-        """Give the strength in each channel that each amplitude of 1 has at every posture of the motions."""
+        """Compute the strength in each channel of each amplitude of 1, at every posture of the motions."""
         return self.course.columns(len(self.directions), motions)
 
     def strengths(
         self, amplitude: Float[np.ndarray, " amplitudes"], motions: Motions
     ) -> Float[np.ndarray, "channels postures"]:
-        """Compute the strength in each channel at every posture of the motions."""
+        """Compute the strength of the amplitudes in each channel, at every posture of the motions."""
         return np.einsum("a,acp->cp", np.asarray(amplitude, float), self.columns(motions))

@@ -1,4 +1,4 @@
-"""A girdle with active effects: constraints and landmarks where the effects adjust the girdle and the rotations."""
+"""A girdle with active effects: they adjust girdle and rotations, from which constraints and landmarks are computed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -15,18 +15,18 @@ from motions.arrays import Array
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ActiveEffects:
-    """Active effects with their strengths, of postures that are laid out as the last axes say."""
+    """Active effects with their strengths at a batch of postures."""
 
     strengths: tuple[Float[Array, " channels *batch"], ...] = ()
-    """Of each effect at each posture, in its unit (:meth:`Effect.at`)."""
+    """Strengths of each effect at each posture, in its unit (:meth:`Effect.strengths`)."""
     effects: tuple[Effect, ...] = field(default=(), metadata={"static": True})
     own: tuple[Float[Array, " sizes channels *batch"], ...] = ()
-    """Of each effect, the strengths of a size that is an SD off the mean of persons, in every way in which persons
-    differ; empty where none differs in any."""
+    """Strengths that a deviation of one SD from the population amplitudes adds, for each effect and each amplitude in
+    which persons differ; empty if persons differ in none."""
 
     def with_sizes(self, sizes: Float[np.ndarray, "sizes problems"]) -> "ActiveEffects":
-        """Give every person its own sizes, in SDs off the mean, effect by effect: of strengths (channels, postures,
-        problems). What is left is known."""
+        """Return the effects with known subject-level amplitudes, given as deviations from the mean in SDs, effect by
+        effect. ``strengths`` have the shape (channels, postures, problems)."""
         if not self.own:
             return self
         ends = np.cumsum([len(one) for one in self.own])
@@ -38,11 +38,11 @@ class ActiveEffects:
         return replace(self, strengths=tuple(strengths), own=())
 
     def on(self, girdle: Girdle) -> "Girdle | ExtendedGirdle":
-        """Put these effects on the girdle; without any, return the girdle itself."""
+        """Return the girdle with these effects; without effects, the girdle itself."""
         return ExtendedGirdle(girdle, self) if self.effects else girdle
 
     def at(self, *index: Int[np.ndarray, " chosen"]) -> "ActiveEffects":
-        """Select the effects of some postures, by their place along each of the last axes."""
+        """Select postures by their indices along each batch axis."""
         return replace(
             self,
             strengths=tuple(np.asarray(one)[:, *index] for one in self.strengths),
@@ -56,18 +56,18 @@ NO_ACTIVE_EFFECTS = ActiveEffects()
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ExtendedGirdle:
-    """A girdle with active effects, usable where a :class:`Girdle` is: arrays have the same trailing batch."""
+    """A girdle with active effects, usable in place of a :class:`Girdle`; all arrays have the same trailing batch."""
 
     girdle: Girdle
     active_effects: ActiveEffects
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-        """Compute A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
+        """Compute A1-A3 in mm at measured angles (rad); without effects, the residuals of the base model."""
         *_, (girdle, rotations) = self.steps(angles)
         return chain_residuals_mm(girdle, *rotations)
 
     def steps(self, angles: Float[Array, " 6 *batch"]) -> Iterator[tuple[Girdle, Rotations]]:
-        """Give the girdle and the rotations of the bones as they would be measured, and after each effect."""
+        """Yield the girdle and the bones' rotations: first at the measured angles, then after each effect."""
         girdle, rotations = self.girdle, bone_rotations(angles)
         yield girdle, rotations
         for effect, strength in zip(self.active_effects.effects, self.active_effects.strengths, strict=True):
@@ -76,4 +76,4 @@ class ExtendedGirdle:
 
 
 AnyGirdle = Girdle | ExtendedGirdle
-"""One with effects active or without."""
+"""A girdle with or without active effects."""

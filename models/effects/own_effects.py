@@ -1,4 +1,4 @@
-"""Whether an effect of somebody's own is what the fits take it for."""
+"""Checks of user-defined effects before a fit uses them."""
 
 from collections.abc import Iterable
 
@@ -13,7 +13,7 @@ from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 
 _AWAY_DEG = 25.0
-"""From rest, where an effect of a raised arm is felt too."""
+"""Distance from rest, in every angle, of the second posture of the check: effects of a raised arm act there too."""
 
 _ROUNDING_MM = 1e-9
 
@@ -21,15 +21,15 @@ _FELT_MM = 1e-6
 
 
 def is_user_defined(effect: Effect) -> bool:
-    """Tell whether an effect is none of those that are listed, by what it does."""
+    """Check whether an effect is user-defined: its name is not in ``EFFECTS``, or its ``adjust`` differs from there."""
     return effect.name not in EFFECTS or EFFECTS[effect.name].adjust is not effect.adjust
 
 
 def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
-    """Evaluate A1-A3 with each effect that is not listed at strength 0 and at its scale, at rest and off it.
+    """Check each user-defined effect: evaluate A1-A3 at strength 0 and at the prior's scale, at rest and off rest.
 
-    Raises ValueError if ``adjust`` or what it returns is of no use: it fails, is not finite, does something at strength
-    0, or nothing at its scale.
+    ValueError where ``adjust`` fails or makes A1-A3 not finite, changes them at strength 0, or does not change them at
+    the scale.
     """
     own = list(filter(is_user_defined, effects))
     if not own:

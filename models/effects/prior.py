@@ -1,16 +1,17 @@
-"""What is believed about an effect before any data: one rule for all, whatever the course.
+"""Prior of an effect's amplitudes, by one rule for every basis.
 
-The scale of a direction is the SD of a size: of the root mean square over the measured postures of what the effect
-does beyond a constant of each subject, in mm at the joint or degrees of the bone; of a constant effect, of the
-constant. With strengths sum_k a_k f_k(p) along the terms of its course, each less its mean over the postures of the
-subject,
+The scale of a direction is the SD of the effect's size, in mm at the joint or degrees of the bone. The size is the root
+mean square, over the measured postures, of the effect's strength beyond a constant of each subject; for a constant
+effect it is the constant. With strengths sum_k a_k f_k(p) over the terms f_k of the basis, each minus its mean over the
+postures of the subject,
 
     E[mean_p |sum_k a_k f_k(p)|^2] = scale^2,   a_k ~ N(mean SD_k, SD_k^2),   SD_k = c r_k
 
-r_k are the SDs of the course's terms beside each other, and only the first has a mean. That fixes c: a course of many
-terms is no larger than one of one. A monotone course of range R has a root mean square of about R / 3.5.
+where r_k are the relative SDs of the terms, and only the first term has a mean. These equations determine c, so that a
+basis of many terms has the same size as a basis of one. A monotone basis of range R has a root mean square of about
+R / 3.5.
 
-The diagnosis reads it; a model with a known effect does not.
+The diagnosis uses this prior; a model with a known effect does not.
 """
 
 from dataclasses import dataclass
@@ -22,16 +23,16 @@ from jaxtyping import Float
 
 @dataclass(frozen=True)
 class EffectPrior:
-    """Normal prior of an effect's amplitudes; a tuple has one value for each direction."""
+    """Normal prior of an effect's amplitudes; tuples have one value per direction."""
 
     scale: tuple[float, ...]
-    """Prior SD of the size: as a vector, as long as the effect typically is."""
+    """Prior SD of the size. The norm of this vector is the typical size of the effect."""
     source: str
-    """Where the scale comes from, and how a range or a largest value was turned into it."""
+    """Source of the scale, and its derivation where the source has a range or a largest value."""
     sign: tuple[int, ...] = ()
-    """Where the effect's nature gives one: +1, -1, or 0 for either; empty for all 0."""
+    """Sign that the nature of the effect implies: +1, -1, or 0 for either; empty for all 0."""
     mean: float = 0.0
-    """Prior mean of the first amplitude of each direction, in its SDs, where what is measured of it has one."""
+    """Prior mean of the first amplitude of each direction, in its SDs, where measurements give one."""
 
 
 class AmplitudePrior(NamedTuple):
@@ -44,7 +45,7 @@ class AmplitudePrior(NamedTuple):
 def amplitude_prior(
     prior: EffectPrior, terms_sd: tuple[float, ...], rms: Float[np.ndarray, " amplitudes"]
 ) -> AmplitudePrior:
-    """Compute the prior of amplitudes from that of sizes. ``rms``: of an amplitude of 1, at the postures."""
+    """Compute the prior of amplitudes from the prior of sizes. ``rms``: size of each amplitude of 1 at the postures."""
     relative = np.tile(terms_sd, len(prior.scale))
     in_sds = np.tile(np.eye(len(terms_sd))[0] * prior.mean, len(prior.scale))
     squares = ((1.0 + in_sds**2) * (relative * rms) ** 2).reshape(len(prior.scale), -1)

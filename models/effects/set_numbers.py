@@ -1,7 +1,7 @@
-"""The numbers of a parameter set as effects: another value than the one in the set.
+"""Effects that change a number of a parameter set: the true value differs from the value in the set.
 
-Which of them a diagnosis tries, and how far they may lie off, the set itself says: those with the source `assumed` or
-`derived` (:func:`doubtful_numbers`).
+The sources in the set decide which of these effects a diagnosis tries, and their ranges: numbers with the source
+``assumed`` or ``derived`` are tried (:func:`doubtful_numbers`).
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,7 +17,7 @@ from models.parameter_sets import ParameterSet
 from motions.arrays import xp
 
 _DOUBTFUL = ("assumed", "derived")
-"""How the source of a number begins that was not measured."""
+"""First words of the source of a number that was not measured."""
 
 _ATTACHMENT_MM, _BONE_MM, _DISTANCE_MM = 8.0, 6.0, 10.0
 
@@ -30,12 +30,13 @@ _NUMBERS = {
     "constraint.ts_distance_mm": ("ts_distance_mm", "TS at another distance from the thorax", "", _DISTANCE_MM),
     "constraint.ai_distance_mm": ("ai_distance_mm", "AI at another distance from the thorax", "", _DISTANCE_MM),
 }
-"""By key in the file: field of the girdle, plain name of an error in it, components that the bone's frame leaves free,
-and prior SD where the set states no range (the shipped sets differ by about as much). The ellipsoid and the conoid's
-length are adapted; the length of the clavicle is an effect of its own."""
+"""Numbers with such an effect, by key in the file: field of the girdle, plain name of an error in the number,
+components that the bone's frame leaves free, and prior SD where the set states no range (the shipped sets differ by
+about as much). Ellipsoid and conoid length are missing because they are adapted, and the clavicle's length because
+``clavicle_length`` is an effect already."""
 
 _SIZES = {"clavicle_length": ("clavicle.length_mm",), "scapula_size": ("scapula.ts_mm", "scapula.ai_mm")}
-"""The effects of a bone's size, and the numbers that it shows in."""
+"""Effects of a bone's size, and the numbers of the set that depend on it."""
 
 
 def _adjust(field: str, axes: str) -> Adjust:
@@ -64,11 +65,11 @@ def _number(key: str, field: str, plain_name: str, axes: str, scale_mm: float) -
 
 
 NUMBER_EFFECTS: Mapping[str, Effect] = MappingProxyType({key: _number(key, *rest) for key, rest in _NUMBERS.items()})
-"""By key of the number in the file of a parameter set."""
+"""Effects by the key of their number in the file of a parameter set."""
 
 
 def doubtful_numbers(model: ParameterSet) -> dict[str, Effect]:
-    """Give the numbers of this set that were not measured, by name, each with the range that its source states."""
+    """Return the effects of this set's numbers that were not measured, by name, with the stated ranges as prior SDs."""
     found = {}
     for key, effect in NUMBER_EFFECTS.items():
         source = model.source.get(key, "")
@@ -82,9 +83,9 @@ def doubtful_numbers(model: ParameterSet) -> dict[str, Effect]:
 
 
 def with_sizes_of(model: ParameterSet, effects: Iterable[Effect]) -> Iterator[Effect]:
-    """Leave out the effects of sizes that this set has measured; narrow the priors of those that it states a range of.
+    """Drop the effects of bone sizes that this set has measured; narrow the priors of those with a stated range.
 
-    A range in mm is one in percent of the bone: of the clavicle's length, of |AC-TS|.
+    A range in mm is converted to percent of the bone: of the clavicle's length, or of |AC-TS|.
     """
     length_mm = {"clavicle_length": model.girdle.ac_mm, "scapula_size": model.girdle.ts_mm}
     for effect in effects:

@@ -1,1 +1,1 @@
-"""A girdle as a file: TOML that loads again, and OpenSim."""
+"""Export of a girdle to a file: TOML, which ``load_model`` reads, and OpenSim."""

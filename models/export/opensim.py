@@ -1,14 +1,14 @@
-"""A girdle as an OpenSim 4 model (.osim): bones, OpenSim's ScapulothoracicJoint on the ellipsoid, AC and conoid.
+"""Export of a girdle as an OpenSim 4 model (.osim): bones, ScapulothoracicJoint on the ellipsoid, AC and conoid.
 
-OpenSim's axes are ISB's (x forward, y up, z right), in metres: v_opensim = Q v / 1000, that is (-z, y, x) of ours, for
-every bone, so the clavicle's coordinates are the thesis's angles: Y, Z' and X'' are OpenSim's y, -x and z.
+OpenSim's axes are the ISB's (x forward, y up, z right), in metres: v_opensim = Q v / 1000, that is (-z, y, x) in our
+axes, for every bone. So the clavicle's coordinates are the thesis's angles: Y, Z' and X'' are OpenSim's y, -x and z.
 
-Both mechanisms have three degrees of freedom, but they are not the same. Here TS and AI keep their distances to the
+Both mechanisms have three degrees of freedom, but they differ. In girdle, TS and AI keep their distances to the
 ellipsoid (A1, A2). OpenSim's joint (Seth et al., Nonlinear Dyn. 62 (2010) 291-303) keeps one point of the scapula on
-the ellipsoid, turns it with the surface and lets it wing. That point is the one nearest to halfway TS-AI at rest. TS
-and AI come as markers, their distances as a comment. The masses are placeholders: kinematics only.
+the ellipsoid, turns the scapula with the surface and lets it wing. This point is the surface point nearest to halfway
+TS-AI at rest. TS and AI become markers; a comment has their distances. Masses are placeholders: kinematics only.
 
-OpenSim 4.6 opens every set's model and closes its chain (tests/models/test_opensim.py).
+OpenSim 4.6 opens the model of every set and closes its chain (tests/models/test_opensim.py).
 """
 
 import re
@@ -29,21 +29,21 @@ Vector = Float[np.ndarray, "3"]
 Matrix = Float[np.ndarray, "3 3"]
 
 Q: Matrix = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-"""v_opensim = Q v."""
+"""Rotation to OpenSim's axes: v_opensim = Q v."""
 
 SCAPULA_COORDINATES = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot", "scapula_winging")
-"""The names that published models give the joint's coordinates, in its order."""
+"""Names of the joint's coordinates in published models, in the joint's order."""
 
 _PLACEHOLDER_KG = 0.1
 _AXES = {"y": "0 1 0", "z": "-1 0 0", "x": "0 0 1"}
-"""The thesis's axes among OpenSim's."""
+"""Axes of the thesis as vectors in OpenSim's axes."""
 
 
 def opensim_model(parameters: ParameterSet) -> str:
-    """Write the text of the .osim file of a parameter set, at rest (de Groot's mean posture)."""
+    """Return the text of the .osim file of a parameter set, at rest (de Groot's mean posture)."""
     girdle = parameters.girdle
     document = ET.Element("OpenSimDocument", Version="40000")
-    model = ET.SubElement(document, "Model", name=re.sub(r"[\\/*+\s]", "_", parameters.name))  # not in OpenSim's names
+    model = ET.SubElement(document, "Model", name=re.sub(r"[\\/*+\s]", "_", parameters.name))  # not allowed in names
     model.append(ET.Comment(_comment(girdle)))
     _text(model, "length_units", "meters")
     _text(model, "force_units", "N")
@@ -78,13 +78,14 @@ def opensim_model(parameters: ParameterSet) -> str:
 
 
 def contact(girdle: Girdle) -> tuple[Float[np.ndarray, "2"], Vector, Matrix]:
-    """Place the joint at rest: its first two coordinates (rad), and origin (mm) and axes of its frame in the scapula.
+    """Compute the joint at rest: its first two coordinates (rad), and origin (mm) and axes of its frame in the scapula.
 
     In OpenSim's axes, with radii (r_x, r_y, r_z), the joint's origin in the thorax is
 
         centre + (r_x sin q1 cos q2, r_y sin q2, r_z cos q1 cos q2)
 
-    and its axes are Ry(q1) Rx(-q2) Rz(q3), without winging (ScapulothoracicJoint.cpp, MobilizedBody::Ellipsoid).
+    and the joint's axes are Ry(q1) Rx(-q2) Rz(q3), without winging (ScapulothoracicJoint.cpp,
+    MobilizedBody::Ellipsoid).
     """
     R_thorax_clavicle, R_thorax_scapula = bone_rotations(REST_DEG / DEG)
     at = chain_landmarks(girdle, R_thorax_clavicle, R_thorax_scapula)
@@ -128,7 +129,7 @@ def _body(bodies: ET.Element, name: str) -> ET.Element:
 
 
 def _sternoclavicular(joints: ET.Element, girdle: Girdle) -> None:
-    """R = Ry(a) Rz(b) Rx(c) of the thesis's angles, which are its coordinates clavicle_y, clavicle_z and clavicle_x."""
+    """Add the joint SC, R = Ry(a) Rz(b) Rx(c): coordinates clavicle_y, clavicle_z, clavicle_x, the thesis's angles."""
     joint = ET.SubElement(joints, "CustomJoint", name="sternoclavicular")
     names = ANGLES[:3]
     _coordinates(joint, zip(names, (REST_DEG / float(DEG))[:3], strict=True))
@@ -159,7 +160,7 @@ def _scapulothoracic(joints: ET.Element, girdle: Girdle) -> None:
 
 
 def body_fixed_xyz(R: Matrix) -> Vector:
-    """Compute (a, b, c), radians, of R = Rx(a) Ry(b) Rz(c): OpenSim's orientation of an offset frame."""
+    """Compute (a, b, c) of R = Rx(a) Ry(b) Rz(c), radians: OpenSim's orientation of an offset frame."""
     return np.array([np.arctan2(-R[1, 2], R[2, 2]), np.arcsin(R[0, 2]), np.arctan2(-R[0, 1], R[0, 0])])
 
 
@@ -174,7 +175,7 @@ def _coordinates(joint: ET.Element, defaults: Iterable[tuple[str, float]]) -> No
 
 
 def _frames(joint: ET.Element, parent: tuple[str, Vector, Vector], child: tuple[str, Vector, Vector]) -> None:
-    """The joint's two frames: body, origin in it (mm, our axes), orientation in it (rad, body-fixed x-y-z)."""
+    """Add the two frames of a joint: body, origin there (mm, our axes), orientation there (rad, body-fixed x-y-z)."""
     names = [f"{body.rpartition('/')[2]}_offset" for body, _, _ in (parent, child)]
     _text(joint, "socket_parent_frame", names[0])
     _text(joint, "socket_child_frame", names[1])
@@ -196,7 +197,7 @@ def _constraint(constraints: ET.Element, kind: str, name: str, in_clavicle_mm, i
 
 
 def _set(parent: ET.Element, kind: str) -> ET.Element:
-    """The objects of a new set."""
+    """Add a set to ``parent`` and return its element for objects."""
     return ET.SubElement(ET.SubElement(parent, kind, name=kind.lower()), "objects")
 
 

@@ -1,4 +1,4 @@
-"""A girdle as a TOML file that `load_model` takes: the sections of `models.parameter_sets`."""
+"""Export of a girdle as a TOML file for ``load_model``, with the sections of ``models.parameter_sets``."""
 
 import json
 from collections.abc import Mapping
@@ -18,11 +18,10 @@ def parameters_toml(
     source: Mapping[str, str],
     bounds_mm: Mapping[str, float] | None = None,
 ) -> str:
-    """Write the text of a girdle's file, every number with all its digits and its source.
+    """Return the text of a girdle's file, with all digits of every number, so that loading gives the same girdle.
 
-    Loading it gives the same girdle.
-
-    comment: the lines above it. bounds_mm: half widths for `bounds`, by key, where they are not the default ones.
+    ``comment``: the lines at the top. ``source``: the source of each number, by key. ``bounds_mm``: half widths of the
+    section ``bounds``, by key, where they are not the default values.
     """
     g = girdle
     above = "".join(f"# {line}\n" for line in comment.splitlines())
@@ -58,7 +57,7 @@ conoid_length_mm = {_toml(g.conoid_length_mm)}
 
 
 def _clavicle(ac_mm: Float[np.ndarray, "3"]) -> str:
-    """Its length, and where AC is if that is not on the frame's axis."""
+    """Return the line with the clavicle's length, and one with the position of AC where AC is not on the axis."""
     if not np.any(ac_mm[1:]):
         return f"length_mm = {_toml(ac_mm[0])}"
     return f"length_mm = {_toml(np.linalg.norm(ac_mm))}\nac_mm = {_toml(ac_mm)}"
@@ -66,7 +65,7 @@ def _clavicle(ac_mm: Float[np.ndarray, "3"]) -> str:
 
 @lru_cache(maxsize=16)
 def _points_lines(points_mm: bytes, count: int) -> str:
-    """Of many adapted sets the points, half of the text, are those of one model."""
+    """Return the lines of the thorax points, cached: they are half of the text, and the same in all sets of a model."""
     points = np.frombuffer(points_mm).reshape(3, count)
     return "".join(f"    {_toml(point)},\n" for point in points.T)
 
@@ -77,5 +76,5 @@ def _toml(value: object) -> str:
 
 @lru_cache(maxsize=1024)
 def toml_text(words: str) -> str:
-    """Write a TOML basic string; JSON's escapes are TOML's, but for the delete character."""
+    """Return a TOML basic string; the escapes of JSON are those of TOML, except for the delete character."""
     return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,1 +1,1 @@
-"""Muscle lines from thorax to shoulder girdle: paths round the ellipsoid, moment arms, contact and moment balance."""
+"""Muscle lines of the shoulder: attachments, paths round thorax and humerus, moment arms, contact and balance."""

@@ -1,26 +1,28 @@
 """Static balance of clavicle, scapula and arm with the least muscle stress: a convex problem with one solution or none.
 
-Unknown: the force x_l of each line as a share of its strongest force F_l, and the forces c of TS and AI (which the
-thorax can only press) and of the conoid (which can only pull). The reactions in SC, AC and GH drop out of the moments
-about them, three of the arm about GH, three of scapula and arm about AC, and three of all about SC. The humerus presses
-the glenoid with F = B x + g, of the muscles that reach it and of the arm's weight, and F has to point within its rim,
-r_k . F >= 0 (``glenoid``; thesis 3.3.2):
+Unknowns are the force x_l of each line as a share of its strongest force F_l, and the forces c at TS and AI (which the
+thorax can only press) and of the conoid (which can only pull). Moments are taken about GH (three, of the arm), AC
+(three, of scapula and arm) and SC (three, of all bones), so that the reactions in these joints drop out. The humerus
+presses on the glenoid with F = B x + g, from the muscles that reach the humerus and from the weight of the arm. The
+force F has to point within the glenoid's rim, r_k . F >= 0 (``glenoid``; thesis 3.3.2):
 
     minimise  |x|^2    subject to    A x + C c + w = 0,   x >= 0,   c >= 0,   K x + k >= 0,
 
-A: moments of the strongest forces, C: of unit contact forces, w: of the weights, K = r B, k = r g. Least squared stress
-is the criterion of the thesis (3.2.1), as a strongest force is cross-section times one stress. With C = [Q1 Q2] [R; 0],
+A holds the moments of the strongest forces, C of unit contact forces and w of the weights; K = r B, k = r g. Least
+squared stress is the criterion of the thesis (3.2.1), as the strongest force of a line is its cross-section times a
+stress common to all lines. With the QR factorisation C = [Q1 Q2] [R; 0],
 
     Q2'(A x + w) = 0,    c = -R^-1 Q1'(A x + w) >= 0:
 
-the first are the moments in the six free directions of chain and arm, where contact does no work; the second are its
-multipliers. With x = x0 + Z z, x0 the shortest solution of the equations and Z normal to them, the rest is a
-least-distance problem, min |z| with G z >= h, which Lawson and Hanson (Solving Least Squares Problems, 1974, ch. 23)
-turn into non-negative least squares: with r the residual of  [G'; h'] u = (0, 1),  z = -r_1..m / r_m+1; where r = 0
-there is no solution. ``scipy.optimize.lsq_linear`` solves it by active sets, and what it returns is checked. (SciPy's
-``nnls`` returns wrong solutions in versions 1.15 to 1.17 at least: scipy/scipy issue 25389; here in 7 % of postures.)
+the first equations balance the moments in the six free directions of chain and arm, where contact does no work; the
+second give the contact forces, which are the multipliers of A1-A3. With x = x0 + Z z, where x0 is the shortest solution
+of the first equations and Z a basis of their null space, a least-distance problem remains: min |z| with G z >= h.
+Lawson and Hanson (Solving Least Squares Problems, 1974, ch. 23) turn this into non-negative least squares: with r the
+residual of  [G'; h'] u = (0, 1),  z = -r_1..m / r_m+1; where r = 0 there is no solution.
+``scipy.optimize.lsq_linear`` solves the least squares by active sets, and its result is checked. (SciPy's ``nnls``
+returns wrong solutions in versions 1.15 to 1.17 at least: scipy/scipy issue 25389; here in 7 % of postures.)
 
-Left out: the weight of clavicle and scapula, the moments that ligaments and capsules bear, and the balance of the
+Not included: the weight of clavicle and scapula, the moments that ligaments and capsules bear, and the balance of the
 elbow.
 """
 
@@ -43,37 +45,39 @@ OK, BEYOND_STRENGTH, NO_SOLUTION = "ok", "beyond_strength", "no_solution"
 BEYOND_RIM, NOT_CONVERGED, INVALID = "beyond_rim", "not_converged", "invalid"
 
 LARGEST_SHARE = 1e4
-"""A solution whose |x| were beyond it is none: no muscle has it, and rounding would decide."""
+"""Limit of |x|: a solution beyond it counts as none, since no muscle is so strong and rounding would determine it."""
 
 TOLERANCE = 1e-7
-"""Of the conditions of a solution, and of the proof that there is none: shares are of order 0.1, rounding is 1e-13."""
+"""Tolerance of the conditions of a solution and of the proof that there is none: shares are of order 0.1, rounding is
+1e-13."""
 
 
 _SOLVER_TOLERANCE = 1e-14
-"""Relative fall of the squares at which ``lsq_linear`` stops: never before its active set is final."""
+"""Relative decrease of the sum of squares at which ``lsq_linear`` stops, small enough for its active set to be final
+first."""
 
 
 class Balance(NamedTuple):
-    """Forces of each posture; NaN where there are none."""
+    """Forces of each posture; NaN where there is no solution."""
 
     share: Float[np.ndarray, " lines postures"]
-    """x: force of each line over its strongest force; above 1 is beyond its strength."""
+    """Force x of each line over its strongest force; above 1 it exceeds the strength of the line."""
     force_N: Float[np.ndarray, " lines postures"]
     contact_N: Float[np.ndarray, " 3 postures"]
-    """Of FORCES: TS, AI, conoid."""
+    """Forces in the order of ``FORCES``: TS, AI, conoid."""
     gh_N: Float[np.ndarray, " 3 postures"]
-    """F, which the humerus presses the glenoid with, thorax frame; the reaction in GH is its opposite."""
+    """Force F of the humerus on the glenoid, thorax frame; the reaction in GH is its opposite."""
     off_centre: Float[np.ndarray, " postures"]
-    """How far toward the rim F points: 0 the glenoid's middle, 1 its rim."""
+    """Direction of F between the glenoid's middle (0) and its rim (1)."""
     multipliers: Float[np.ndarray, " 9 postures"]
-    """y of A x + C c + w = 0: x = max(A'y + K'v, 0), C'y <= 0."""
+    """Multipliers y of A x + C c + w = 0: x = max(A'y + K'v, 0), C'y <= 0."""
     rim_multipliers: Float[np.ndarray, " sides postures"]
-    """v >= 0 of K x + k >= 0."""
+    """Multipliers v >= 0 of K x + k >= 0."""
     status: Shaped[np.ndarray, " postures"]
-    """``ok``; ``beyond_strength``: a line would need more than its strongest
-    force; ``beyond_rim``: forces of these signs balance the arm, but none whose reaction in GH is within the glenoid;
-    ``no_solution``: none at all; ``not_converged``; ``invalid``: a path or an angle is missing, as the elevation of the
-    humerus."""
+    """``ok``; ``beyond_strength``: a line would need more than its strongest force; ``beyond_rim``: forces of the
+    required signs balance the arm, but none with the reaction in GH within the glenoid; ``no_solution``: no forces of
+    the required signs balance the arm; ``not_converged``; ``invalid``: a path or an angle, such as the elevation of the
+    humerus, is missing."""
 
 
 def balance(
@@ -85,9 +89,9 @@ def balance(
     humerus: Float[np.ndarray, " 3 postures"],
     load: ArmLoad,
 ) -> Balance:
-    """Balance arm and load, whose weight is down along the thorax's y-axis, in every posture (rad).
+    """Compute the balance of every posture (rad), with the weight of arm and load down along the thorax's y-axis.
 
-    ``girdle``: one a posture. ``humerus``: p, e, q.
+    ``girdle`` has one element per posture; ``humerus`` is p, e, q.
     """
     F = lines.strongest_force_N
     A = found.about_mm * F[None, :, None]
@@ -99,7 +103,7 @@ def balance(
     axes, half = glenoid_axes(document), half_angles(document)
     r = rim_sides(axes, half, R_scapula)
     K, k = np.einsum("kxp,xlp->klp", r, B), np.einsum("kxp,x->kp", r, g)
-    with threadpool_limits(1, "blas"):  # of small matrices, more threads wait for each other longer than they work
+    with threadpool_limits(1, "blas"):  # on small matrices, more threads would mostly wait for each other
         postures = [least_stress(*(part[..., p] for part in (A, C, w, K, k))) for p in range(w.shape[1])]
     share, c, y, v, status = (np.stack(part, axis=-1) for part in zip(*postures, strict=True))
     pressed = np.einsum("xlp,lp->xp", B, share) + g[:, None]
@@ -113,9 +117,9 @@ def least_stress(
     K: Float[np.ndarray, "sides lines"],
     k: Float[np.ndarray, " sides"],
 ):
-    """Solve one posture: shares, contact forces, both multipliers and status (see the module).
+    """Solve one posture: shares, contact forces, both kinds of multipliers and status (see the module).
 
-    C must have full rank: three forces that hold the chain.
+    C must have full rank: the three contact forces hold the chain.
     """
     nothing = tuple(np.full(count, np.nan) for count in (A.shape[1], C.shape[1], len(w), len(k)))
     if not all(np.isfinite(part).all() for part in (A, C, w, K, k)):
@@ -129,11 +133,11 @@ def least_stress(
 
 
 def _within(A, C, w, K, k):
-    """Solve one posture of finite numbers; what is found means something where the status is ``ok``."""
+    """Solve one posture of finite numbers; the results are valid only where the status is ``ok``."""
     n, held = A.shape[1], C.shape[1]
     Q, R = np.linalg.qr(C, mode="complete")
     to_c = -np.linalg.inv(R[:held]) @ Q[:, :held].T
-    size = np.linalg.norm(A, axis=0).max()  # so that all numbers are of order 1
+    size = np.linalg.norm(A, axis=0).max()  # scales all numbers to order 1
     press = max(np.linalg.norm(K, axis=1).max(initial=0.0), 1.0)
     E, e = Q[:, held:].T @ A / size, -Q[:, held:].T @ w / size
     x0, Z = _solutions(E, e)
@@ -150,7 +154,7 @@ def _within(A, C, w, K, k):
 
 
 def _solutions(E, e) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the shortest x of E x = e (least squares), and an orthonormal basis of what E leaves open."""
+    """Compute the shortest x of E x = e (least squares), and an orthonormal basis of the null space of E."""
     U, s, Vt = np.linalg.svd(E, full_matrices=False)
     rank = int(np.sum(s > TOLERANCE * s.max(initial=0.0)))
     Q, _ = np.linalg.qr(Vt[:rank].T, mode="complete")
@@ -158,15 +162,15 @@ def _solutions(E, e) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _least_distance(G, h) -> tuple[np.ndarray, np.ndarray, str]:
-    """Minimise |z| with G z >= h: z, the multipliers u >= 0 of z = G' u, and how it ended."""
-    from scipy.optimize import lsq_linear  # 0.4 s to load: not for every command
+    """Minimise |z| with G z >= h; return z, the multipliers u >= 0 of z = G' u, and the status."""
+    from scipy.optimize import lsq_linear  # takes 0.4 s to load, and few commands need it
 
     m = G.shape[1]
     target = np.append(np.zeros(m), 1.0)
     u = lsq_linear(np.vstack([G.T, h]), target, (0.0, np.inf), method="bvls", tol=_SOLVER_TOLERANCE).x
     r = np.append(G.T @ u, h @ u) - target
     if np.linalg.norm(r) < 1.0 / LARGEST_SHARE:
-        return r[:m], u, NO_SOLUTION  # G'u = 0, h'u = 1: proved
+        return r[:m], u, NO_SOLUTION  # G'u = 0 and h'u = 1 prove it
     if not r[m] < 0.0:
         return r[:m], u, NOT_CONVERGED
     z, u = -r[:m] / r[m], -u / r[m]
@@ -183,7 +187,7 @@ def load_moments(
     humerus: Float[np.ndarray, " 3 postures"],
     load: ArmLoad,
 ) -> Float[np.ndarray, " 9 postures"]:
-    """Compute w, the moments of the weights of arm and load about GH, AC and SC, N mm."""
+    """Compute the moments w of the weights of arm and load about GH, AC and SC, N mm."""
     AC = landmarks(girdle, angles).AC
     GH = AC + rotate(rotation_from_cardan(angles[3:]), _a_posture(lines.gh_mm))
     mean = load.distance @ load.weight_N / max(load.weight_N.sum(), _NO_WEIGHT)
@@ -197,7 +201,7 @@ _NO_WEIGHT = 1e-300
 
 
 def upper_arm_mm() -> float:
-    """Measure the cadaver's upper arm, from GH to halfway between the epicondyles."""
+    """Compute the length of the cadaver's upper arm, from GH to halfway between the epicondyles."""
     GH, EM, EL = (np.array(published_lines()["cadaver"][f"{name}_mm"]) for name in ("gh", "em", "el"))
     return float(np.linalg.norm(GH - (EM + EL) / 2.0))
 

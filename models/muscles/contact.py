@@ -1,7 +1,7 @@
-"""Directions and arms of the forces that close the chain: TS and AI on the thorax, the conoid between the bones.
+"""Directions and moment arms of the forces that close the chain: TS and AI on the thorax, the conoid between bones.
 
-The ellipsoid presses TS and AI along its outward normals there (thesis 6.1, 6.4); the conoid pulls the scapula toward
-its attachment on the clavicle. Thorax frame; the postures are those of the model.
+The ellipsoid presses on TS and AI along its outward normals there (thesis 6.1, 6.4); the conoid pulls the scapula
+toward its attachment on the clavicle. Vectors are in the thorax frame; postures are those of the model.
 """
 
 from typing import NamedTuple
@@ -16,18 +16,18 @@ FORCES = ("TS", "AI", "conoid")
 
 
 class ContactForces(NamedTuple):
-    """Unit forces of FORCES on the scapula and their arms."""
+    """Unit forces of ``FORCES`` on the scapula, at points X, and their moment arms."""
 
     direction: Float[np.ndarray, " 3 3 *batch"]
-    """First axis the components, second FORCES."""
+    """Directions n: components on the first axis, ``FORCES`` on the second."""
     about_sc_mm: Float[np.ndarray, " 3 3 *batch"]
-    """(X - SC) x n, of clavicle and scapula together: 0 of the conoid, which pulls at both."""
+    """(X - SC) x n, on clavicle and scapula together; 0 for the conoid, which pulls at both."""
     about_ac_mm: Float[np.ndarray, " 3 3 *batch"]
-    """(X - AC) x n, of the scapula."""
+    """(X - AC) x n, on the scapula."""
 
 
 def contact_forces(girdle: Girdle, angles: Float[np.ndarray, " 6 *batch"]) -> ContactForces:
-    """Compute directions and arms in postures (rad); ``girdle`` has the same batch (numpy)."""
+    """Compute directions and moment arms in postures (rad); ``girdle`` has the same batch (numpy)."""
     at = landmarks(girdle, angles)
     normals = [distance_and_normal(point, girdle.centre_mm, girdle.semi_axes_mm)[1] for point in (at.TS, at.AI)]
     conoid = at.clavicle_conoid - at.scapula_conoid
@@ -39,5 +39,5 @@ def contact_forces(girdle: Girdle, angles: Float[np.ndarray, " 6 *batch"]) -> Co
 
 
 def angle_deg(one: Float[np.ndarray, " 3 *batch"], other: Float[np.ndarray, " 3 *batch"]) -> np.ndarray:
-    """Compute the angle between unit vectors, degrees, accurate near 0."""
+    """Compute the angle between unit vectors in degrees, accurately even near 0."""
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other, axis=0), axis=0), (one * other).sum(axis=0)))

@@ -1,17 +1,17 @@
 """Attachments of the muscle lines: read from the table, and placed on the bones of a parameter set.
 
-A set has other bones than the cadaver. Each attachment goes along with its bone:
+The bones of a set are not those of the cadaver in the table. Attachments are scaled with their bone:
 
-- scapula: in the plane AC-TS-AI by the linear map that brings the cadaver's TS and AI to the set's; normal to it by
+- scapula: in the plane AC-TS-AI by the linear map from the cadaver's TS and AI to the set's; normal to this plane by
   the ratio of |AC-TS|. So an attachment keeps its place between the landmarks.
 - clavicle: by the ratio of the lengths.
-- humerus, with the contours that lines go round: by the ratio of |AC-TS|, as the head has to fit the glenoid.
-- ribs: at its height y, with its azimuth and its share of the radius of the set's own ellipsoid at that height:
+- humerus, with the contours that lines wrap round: by the ratio of |AC-TS|, as the head has to fit the glenoid.
+- ribs: the attachment keeps its height y, its azimuth and its share of the ellipsoid's radius at that height:
   x' = x A_x' w' / (A_x w), z' - M_z' = (z - M_z) A_z' w' / (A_z w), w = sqrt(1 - ((y - M_y) / A_y)^2).
 - spine and pelvis: as in the cadaver.
 
-Assumed: nobody has published the attachments of R2, R4 and R6, nor their humeri. An adaptation leaves all attachments
-where they are: they are bone, and the ellipsoid is what changes (thesis 6.2.6).
+This scaling is an assumption: the attachments and humeri of R2, R4 and R6 are not published. An adaptation does not
+move attachments: they are on bone, and only the ellipsoid changes (thesis 6.2.6).
 """
 
 import tomllib
@@ -36,65 +36,67 @@ from motions.errors import InputError
 TABLE = Path(__file__).parent / "delft_lines.toml"
 
 SERRATUS = "serratus_anterior"
-"""The muscle that the ellipsoid is the bony contour of (thesis 6.4)."""
+"""Muscle whose bony contour is the ellipsoid (thesis 6.4)."""
 
 OFF_FRAME_MM = 1.0
-"""How far TS may lie off the x-axis and AI off the plane of the thesis's scapula frame: a palpator's noise."""
+"""Largest sum of the offsets of TS from the x-axis and of AI from the plane z = 0 of the thesis's scapula frame: the
+noise of palpation."""
 
 
 BONES = ("thorax", "clavicle", "scapula", "humerus")
-"""From the trunk outward: each hangs in the joint of its place, SC, AC and GH, on the one before."""
+"""Bones from the trunk outward; SC, AC and GH join each bone to the previous one."""
 
 THORAX, CLAVICLE, SCAPULA, HUMERUS = range(4)
 
 _ON_BONE = {"ribs": THORAX, "spine": THORAX, "clavicle": CLAVICLE, "scapula": SCAPULA} | {
     "humerus": HUMERUS,
-    "forearm": HUMERUS,  # it does not move against the humerus: thesis, chapter 1
+    "forearm": HUMERUS,  # does not move against the humerus: thesis, chapter 1
 }
-"""What an attachment of the table is on, by the start of its key, from the trunk outward."""
+"""Bone of an attachment in the table, by the beginning of its key, from the trunk outward."""
 
 
 @dataclass(frozen=True)
 class MuscleLines:
-    """Lines between two bones; mm, N."""
+    """Muscle lines between two bones; mm, N."""
 
     name: tuple[str, ...]
     muscle: tuple[str, ...]
     start: Int[np.ndarray, " lines"]
-    """Which of BONES the line comes from, the one nearer to the trunk."""
+    """Index in ``BONES`` of the bone nearer to the trunk."""
     end: Int[np.ndarray, " lines"]
-    """Which one it goes to."""
+    """Index in ``BONES`` of the bone farther from the trunk."""
     contour: tuple[str, ...]
-    """What each line goes round: ``thorax``, the ellipsoid; one of the contours of the humerus; nothing, empty."""
+    """Contour that each line wraps round: ``thorax`` (the ellipsoid), a contour of the humerus, or empty for none."""
     strongest_force_N: Float[np.ndarray, " lines"]
     start_mm: Float[np.ndarray, "3 lines *postures"]
-    """Frame of its bone (thesis, Appendix A)."""
+    """Attachment in the frame of its bone (thesis, Appendix A)."""
     end_mm: Float[np.ndarray, "3 lines *postures"]
     gh_mm: Float[np.ndarray, " 3 *postures"]
-    """Centre of the glenohumeral joint, scapula frame: where the arm hangs, and the origin of the humerus."""
+    """Centre of the glenohumeral joint, scapula frame: the origin of the humerus."""
     humerus_size: Float[np.ndarray, " *postures"]
-    """Of the humerus, over the cadaver's."""
+    """Size of the humerus over the size of the cadaver's."""
 
     @property
     def muscles(self) -> tuple[str, ...]:
-        """The muscles, each once."""
+        """Names of the muscles, without repetition."""
         return tuple(dict.fromkeys(self.muscle))
 
     @property
     def wraps(self) -> Bool[np.ndarray, " lines"]:
-        """Which lines go round a contour."""
+        """True where a line has a contour to wrap round."""
         return np.array([contour != "" for contour in self.contour])
 
     def of(self, muscle: str) -> Bool[np.ndarray, " lines"]:
-        """Tell which lines belong to the muscle."""
+        """Return the mask of the lines of a muscle."""
         return np.array([name == muscle for name in self.muscle])
 
     def crosses(self, joint: int) -> Bool[np.ndarray, " lines"]:
-        """Tell which lines pass the joint in which this one of BONES hangs."""
+        """Return the mask of the lines that cross the joint between this bone (index in ``BONES``) and the previous
+        one."""
         return (self.start < joint) & (joint <= self.end)
 
     def only(self, muscle: str) -> "MuscleLines":
-        """Select the lines of one muscle."""
+        """Return the lines of one muscle."""
         mine = self.of(muscle)
         numbers = {key: getattr(self, key)[mine] for key in ("start", "end", "strongest_force_N")}
         points = {key: getattr(self, key)[:, mine] for key in ("start_mm", "end_mm")}
@@ -103,9 +105,9 @@ class MuscleLines:
 
 
 def muscle_lines_of(model: AnyModel, subjects: Sequence[str]) -> MuscleLines:
-    """Place the lines on the bones of the set of each of these subjects, as often as it is named.
+    """Place the lines on the bones of each subject's set; a subject may be named several times.
 
-    InputError as :func:`muscle_lines`.
+    Raises InputError as :func:`muscle_lines` does.
     """
     sets, place = unique_sets([model], subjects)
     each = [muscle_lines(one) for one in sets]
@@ -117,9 +119,9 @@ _PLACED = ("start_mm", "end_mm", "gh_mm", "humerus_size")
 
 
 def muscle_lines(model: ParameterSet) -> MuscleLines:
-    """Place the shipped lines on the bones of a set. InputError where its scapula frame is not the thesis's.
+    """Place the shipped lines on the bones of a set. Raises InputError where its scapula frame is not the thesis's.
 
-    Place them on the set as it is, before an adaptation: see the module.
+    The set must be the one before adaptation (see the module).
     """
     girdle = model.girdle
     if not has_landmarks(girdle):
@@ -151,7 +153,7 @@ def muscle_lines(model: ParameterSet) -> MuscleLines:
 
 
 class _End(NamedTuple):
-    """Where a line ends, as the table has it."""
+    """End of a line, as in the table."""
 
     on: str
     at_mm: list[float]
@@ -163,7 +165,7 @@ def _ends(row: dict[str, Any]) -> tuple[_End, _End]:
 
 
 def _placed(ends: Sequence[_End], document: dict[str, Any], girdle: Girdle) -> Float[np.ndarray, "3 lines"]:
-    """Bring ends from where the table has them to the bones of a set, each in the frame of its bone."""
+    """Place ends of the table on the bones of a set, each in the frame of its bone."""
     cadaver, das3 = document["cadaver"], document["das3"]
     points = np.array([end.at_mm for end in ends]).T
     on_bones = {
@@ -176,25 +178,25 @@ def _placed(ends: Sequence[_End], document: dict[str, Any], girdle: Girdle) -> F
 
 
 def _scapula_ratio(cadaver: dict[str, Any], girdle: Girdle) -> float:
-    """|AC-TS| of the set over the cadaver's."""
+    """Compute |AC-TS| of the set over |AC-TS| of the cadaver."""
     own = scapula_in_thorax(cadaver).inward(np.array(cadaver["ts_mm"])[:, None])[0, 0]
     return float(girdle.ts_mm[0] / own)
 
 
 def all_have_landmarks(model: AnyModel, subjects: Sequence[str]) -> bool:
-    """Tell whether the sets of all these subjects have TS and AI as landmarks."""
+    """Check whether the sets of all these subjects have TS and AI as landmarks."""
     return all(has_landmarks(one.girdle) for one in unique_sets([model], subjects)[0])
 
 
 def has_landmarks(girdle: Girdle) -> bool:
-    """Tell whether TS and AI are where the thesis's scapula frame has them: on its x-axis, and in the plane z = 0."""
+    """Check whether TS is on the x-axis and AI in the plane z = 0, as in the thesis's scapula frame."""
     off = abs(girdle.ts_mm[1]) + abs(girdle.ts_mm[2]) + abs(girdle.ai_mm[2])
     return bool(off <= OFF_FRAME_MM)
 
 
 @cache
 def published_lines() -> dict[str, Any]:
-    """Read the file of the lines, with the landmarks of the cadaver: ``cadaver`` and ``das3``."""
+    """Return the table of the lines, with the landmarks of the cadaver under ``cadaver`` and ``das3``."""
     with TABLE.open("rb") as file:
         return tomllib.load(file)
 
@@ -223,7 +225,8 @@ def _on_ribs(points, cadaver: dict[str, Any], girdle: Girdle) -> Float[np.ndarra
 
 
 def _section(centre, axes, y) -> tuple[tuple[float, float], Float[np.ndarray, "2 points"]]:
-    """Centre and radii, in x and z, of the horizontal section of an ellipsoid at heights; NaN above its top."""
+    """Compute centre and radii, in x and z, of horizontal sections of an ellipsoid at heights y; NaN radii beyond its
+    top and bottom."""
     with np.errstate(invalid="ignore"):
         width = np.sqrt(1.0 - ((y - centre[1]) / axes[1]) ** 2)
     return (centre[0], centre[2]), np.stack([axes[0] * width, axes[2] * width])

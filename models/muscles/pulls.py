@@ -1,20 +1,20 @@
 """Lengths and moment arms of muscle lines in postures of girdle and humerus.
 
-A line between two bones goes over the joints in which the bones after the first up to the second hang. On what lies
-beyond such a joint J it pulls with unit force f along a line through a point X. Its arm about J is (X - J) x f:
--dL/dtheta for small rotations theta of all that lies beyond J, about the thorax axes, mm. About SC that is clavicle,
-scapula and humerus, about AC scapula and humerus, about GH the humerus.
+A line crosses all joints between its two bones. With a tension of 1 it pulls on the bones beyond such a joint J with a
+force f along a straight line through a point X. Its moment arm about J is (X - J) x f, in mm: -dL/dtheta for small
+rotations theta, about the thorax axes, of all bones beyond J. These bones are clavicle, scapula and humerus for SC,
+scapula and humerus for AC, and the humerus for GH.
 
-- round the thorax, or straight, from the thorax to clavicle or scapula: X the attachment there, f = -dL/dX.
-- to the humerus, straight or round its head or shaft: X the attachment at the other bone, f = dL/dX: what pulls at the
-  humerus and presses on its surface is together the opposite of what pulls there.
+- Lines from the thorax to clavicle or scapula, straight or round the thorax: X is the attachment there, f = -dL/dX.
+- Lines to the humerus, straight or round its head or shaft: X is the attachment on the other bone, f = dL/dX, because
+  the pull on the humerus and the pressure on its surface add up to the opposite of the pull at X.
 
-By the six angles q of clavicle and scapula, the humerus keeping its orientation: -dL/dq = f . dY/dq, mm a rad, with Y =
-X, or Y = GH - X. In the chain's three free coordinates c (``models.drive``): -dL/dc = T' (-dL/dq), with T = dq/dc along
-which A1-A3 stay closed,  [dc/dq; dA/dq] T = [1; 0]; no unit (mm a mm).
+With respect to the six angles q of clavicle and scapula, at a constant orientation of the humerus, the arms are
+-dL/dq = f . dY/dq, mm per rad, with Y = X, or Y = GH - X for lines to the humerus. With respect to the chain's three
+free coordinates c (``models.drive``) they are -dL/dc = T' (-dL/dq), without unit (mm per mm), where T = dq/dc keeps
+A1-A3 closed:  [dc/dq; dA/dq] T = [1; 0].
 
-The thesis's measure of a muscle (3.3.1): mean of the vectors over its lines, length of the mean vector, mean over the
-motion.
+The thesis's measure of a muscle (3.3.1) is the length of the mean arm vector of its lines, averaged over the motion.
 """
 
 from collections.abc import Sequence
@@ -40,33 +40,34 @@ from motions.rotations import rotate
 
 @dataclass(frozen=True)
 class Pulls:
-    """What the lines do in each posture, thorax frame."""
+    """Lengths, contact, forces and moment arms of the lines in each posture, thorax frame."""
 
     length_mm: Float[np.ndarray, " lines *batch"]
     """NaN where no path was found."""
     contact_mm: Float[np.ndarray, " lines *batch"]
-    """Of the length, how much lies on the contour."""
+    """Part of the length that lies on the contour."""
     depth_mm: Float[np.ndarray, " lines *batch"]
-    """How deep the deeper end of a line lies in its contour, 0 outside (in the ellipsoid by the shortest axis)."""
+    """Depth of the deeper end of a line in its contour, 0 outside (for the ellipsoid, scaled by the shortest axis)."""
     attachment_mm: Float[np.ndarray, " 3 lines *batch"]
-    """X, a point of the line along which it pulls."""
+    """Point X on the line of action."""
     pull: Float[np.ndarray, " 3 lines *batch"]
-    """f, on what lies beyond, of a line with tension 1: a unit vector but for an end inside the contour."""
+    """Force f on the bones beyond the joint at a tension of 1: a unit vector except where an end is inside the
+    contour."""
     about_sc_mm: Float[np.ndarray, " 3 lines *batch"]
-    """0 of lines that do not go over the joint; so with the others."""
+    """Moment arms about SC; 0 for lines that do not cross the joint, as for the other joints."""
     about_ac_mm: Float[np.ndarray, " 3 lines *batch"]
     about_gh_mm: Float[np.ndarray, " 3 lines *batch"]
 
     @property
     def about_mm(self) -> Float[np.ndarray, " 9 lines *batch"]:
-        """The arms about GH, AC and SC one below the other, as a balance takes them."""
+        """Moment arms about GH, AC and SC, stacked in the order that a balance needs."""
         return np.concatenate([self.about_gh_mm, self.about_ac_mm, self.about_sc_mm])
 
 
 def pulls(lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], humerus=None) -> Pulls:
-    """Compute paths and arms in postures (rad); ``girdle`` has one element a posture or no batch.
+    """Compute paths and moment arms in postures (rad); ``girdle`` has one element per posture or no batch.
 
-    ``humerus``: p, e, q of the humerus (Appendix A), rad, one a posture; None: the arm hangs, all are 0.
+    ``humerus`` is p, e, q of the humerus (Appendix A), rad, per posture; None means a hanging arm, with all of them 0.
     """
     which, given = _arguments(lines, girdle, angles, humerus)
     return Pulls(*_in_blocks(partial(_lines, which), given))
@@ -75,9 +76,9 @@ def pulls(lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 post
 def lengths_mm(
     lines: MuscleLines, girdle: Girdle, angles: Float[Array, " 6 postures"], humerus=None
 ) -> Float[Array, " lines postures"]:
-    """Measure the lines in postures (rad), mm; differentiable twice in angles and girdle.
+    """Compute the lengths of the lines in postures (rad), mm; twice differentiable in angles and girdle.
 
-    ``-jax.jacfwd`` gives the arms by angle, ``-jax.hessian`` their slopes: see :func:`path_length_mm`.
+    ``-jax.jacfwd`` gives the arms by angle, ``-jax.hessian`` their derivatives: see :func:`path_length_mm`.
     """
     which, given = _arguments(lines, girdle, angles, humerus)
     bones = _bones(*given)
@@ -88,10 +89,10 @@ def lengths_mm(
 def line_points_mm(
     lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], curved: int, humerus=None
 ) -> Float[np.ndarray, " points 3 lines postures"]:
-    """Return points along the lines in postures (rad), thorax frame, from the bone nearer to the trunk to the other.
+    """Return points along the lines in postures (rad), thorax frame, beginning at the bone nearer to the trunk.
 
-    The two ends and ``curved`` points between them, evenly along what lies on the contour, or along a straight line.
-    NaN where an angle is.
+    The points are the two ends and ``curved`` points between them, evenly spaced along the part on the contour or along
+    a straight line. They are NaN where an angle is NaN.
     """
     which, given = _arguments(lines, girdle, angles, humerus)
     return _in_blocks(partial(_points, which, curved=curved), given)
@@ -100,14 +101,14 @@ def line_points_mm(
 def arms_by_angle_mm(
     lines: MuscleLines, found: Pulls, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], humerus=None
 ) -> Float[np.ndarray, " 6 lines postures"]:
-    """Compute -dL/dq of the six angles, mm a rad, the humerus keeping its orientation."""
+    """Compute -dL/dq for the six angles, mm per rad, at a constant orientation of the humerus."""
     which, given = _arguments(lines, girdle, angles, humerus)
     return np.einsum("xlp,xqlp->qlp", found.pull, _in_blocks(partial(_pulled_slopes, which), given))
 
 
 @partial(jax.jit, static_argnums=0)
 def _pulled_slopes(which: "_Which", start, end, gh, size, R_humerus, girdle: Girdle, q):
-    """dY/dq: see the module."""
+    """Compute dY/dq (see the module)."""
 
     def pulled(q):
         bones = _bones(start, end, gh, size, R_humerus, girdle, q)
@@ -118,7 +119,8 @@ def _pulled_slopes(which: "_Which", start, end, gh, size, R_humerus, girdle: Gir
 
 
 def free_directions(girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) -> Float[np.ndarray, " 6 3 postures"]:
-    """Compute T = dq/dc of the free coordinates AC_y, AC_z, TS_x, rad a mm; NaN where they do not move the chain."""
+    """Compute T = dq/dc for the free coordinates AC_y, AC_z, TS_x, rad per mm; NaN where they do not determine the
+    posture."""
     slopes = np.moveaxis(_in_blocks(_chain_slopes, (_batched(girdle, angles), jnp.asarray(angles))), -1, 0)
     finite = np.asarray(np.isfinite(slopes).all(axis=(1, 2)))
     slopes = np.where(finite[:, None, None], slopes, np.eye(6))
@@ -133,13 +135,14 @@ def _chain_slopes(girdle: Girdle, q) -> Float[Array, " 6 6 postures"]:
 
 
 _WORST_CONDITION = 1e10
-"""Of the six equations by angle: beyond it a free coordinate does not tell the posture."""
+"""Largest condition number of the Jacobian of the six equations; beyond it, the free coordinates do not determine the
+posture."""
 
 
 def arms_in_free_directions(
     by_angle_mm: Float[np.ndarray, " 6 lines postures"], free: Float[np.ndarray, " 6 3 postures"]
 ) -> Float[np.ndarray, " 3 lines postures"]:
-    """Compute -dL/dc of AC_y, AC_z and TS_x."""
+    """Compute -dL/dc for the free coordinates AC_y, AC_z and TS_x."""
     return np.einsum("qlp,qcp->clp", by_angle_mm, free)
 
 
@@ -157,24 +160,25 @@ def _batched(girdle: Girdle, angles) -> Girdle:
 
 
 class _Which(NamedTuple):
-    """What a compiled program is made for."""
+    """Static arguments of a compiled program."""
 
     start: tuple[int, ...]
-    """Bone of each line."""
+    """Index in ``BONES`` of each line's first bone."""
     end: tuple[int, ...]
     contour: tuple[str, ...]
 
     def round_thorax(self) -> np.ndarray:
-        """The lines round the ellipsoid."""
+        """Return the indices of the lines round the ellipsoid."""
         return np.flatnonzero([contour == "thorax" for contour in self.contour])
 
     def round_humerus(self) -> np.ndarray:
-        """The lines round head or shaft of the humerus."""
+        """Return the indices of the lines round head or shaft of the humerus."""
         return np.flatnonzero([contour not in ("", "thorax") for contour in self.contour])
 
 
 def _arguments(lines: MuscleLines, girdle: Girdle, angles, humerus) -> tuple[_Which, tuple]:
-    """Everything a line depends on; points, sizes, rotation of the humerus, girdle and angles as JAX's arrays."""
+    """Collect the arguments of the programs: static ones, and points, sizes, rotation of the humerus, girdle and angles
+    as JAX arrays."""
     points = [_a_posture(jnp.asarray(one), 2) for one in (lines.start_mm, lines.end_mm)]
     gh, size = (_a_posture(jnp.asarray(one), axes) for one, axes in ((lines.gh_mm, 1), (lines.humerus_size, 0)))
     which = _Which(tuple(lines.start.tolist()), tuple(lines.end.tolist()), lines.contour)
@@ -184,12 +188,12 @@ def _arguments(lines: MuscleLines, girdle: Girdle, angles, humerus) -> tuple[_Wh
 
 
 _BLOCK = 64
-"""Postures that go through a compiled program together: one program then serves any number of them. The twelve lines of
-the serratus fill three times the lanes of the search for paths."""
+"""Postures per call of a compiled program, so that one program serves any number of them. With this number, the twelve
+lines of the serratus fill the lanes of the path search three times."""
 
 
 def _in_blocks(program, given) -> Any:
-    """Run a program over blocks of the postures (last axis), on all cores; the last block is filled with copies."""
+    """Run a program on blocks of postures (last axis), on all cores; copies fill the last block."""
     count = given[-1].shape[-1]
     given = jax.tree.map(lambda x: np.broadcast_to(x, (*x.shape[:-1], count)), given)
 
@@ -203,17 +207,17 @@ def _in_blocks(program, given) -> Any:
 
 
 def _a_posture(points, axes: int) -> Array:
-    """Points with an axis for the postures after their own ones, of length 1 where they are the same in all."""
+    """Append an axis of postures, of length 1, to points that have none."""
     return points if points.ndim > axes else points[..., None]
 
 
 class _Bones(NamedTuple):
-    """Where the bones are, thorax frame, in the order of BONES."""
+    """Poses of the bones in the thorax frame, in the order of ``BONES``."""
 
     origin: tuple[Array, ...]
     rotation: tuple[Array, ...]
     size: Array
-    """Of the humerus."""
+    """Size of the humerus over the size of the cadaver's."""
     girdle: Girdle
 
 
@@ -226,7 +230,7 @@ def _bones(start, end, gh, size, R_humerus, girdle: Girdle, q) -> _Bones:
 
 
 def _placed(points, on: tuple[int, ...], bones: _Bones) -> Float[Array, " 3 lines postures"]:
-    """Bring attachments from the frames of their bones to the thorax frame."""
+    """Transform attachments from the frames of their bones to the thorax frame."""
     placed = jnp.zeros((3, len(on), bones.origin[0].shape[-1]))
     for bone in sorted(set(on)):
         mine = np.flatnonzero(np.array(on) == bone)
@@ -240,15 +244,16 @@ def _reaches_humerus(which: _Which) -> Array:
 
 
 def _round_ellipsoid(P, X, girdle: Girdle):
-    """Both ends from the centre of the ellipsoid, outside, and its semi-axes, one each a line and posture."""
+    """Return both ends relative to the centre of the ellipsoid, moved outside, and the semi-axes, per line and
+    posture."""
     centre, axes = girdle.centre_mm[:, None], girdle.semi_axes_mm[:, None]
     P, X, axes = jnp.broadcast_arrays(P - centre, X - centre, axes)
-    P, X = jnp.moveaxis(outside(jnp.stack([P, X], axis=1), axes[:, None]), 1, 0)  # in one call: compiled once
+    P, X = jnp.moveaxis(outside(jnp.stack([P, X], axis=1), axes[:, None]), 1, 0)  # one call is compiled once
     return P, X, axes
 
 
 class _Contours(NamedTuple):
-    """The contours of the humerus, one a line, in postures."""
+    """Contours of the humerus, per line and posture, thorax frame."""
 
     centre: Array
     axis: Array
@@ -274,7 +279,8 @@ def _length(P, X, which: _Which, bones: _Bones) -> Float[Array, " lines postures
 
 
 def _round_arm(function, P, X, which: _Which, bones: _Bones):
-    """Call a function of ``round_bones`` with the ends of the lines that go round the humerus, from the centre."""
+    """Call a function of ``round_bones`` for the lines round the humerus, with their ends relative to the centre of the
+    contour."""
     arm = which.round_humerus()
     contours = _contours([which.contour[k] for k in arm], bones)
     return function(P[:, arm] - contours.centre, X[:, arm] - contours.centre, contours.axis, contours.radius)
@@ -282,9 +288,9 @@ def _round_arm(function, P, X, which: _Which, bones: _Bones):
 
 @partial(jax.jit, static_argnums=0)
 def _lines(which: _Which, start, end, gh, size, R_humerus, girdle: Girdle, q):
-    """Everything of Pulls, in its order.
+    """Compute the fields of ``Pulls``, in their order.
 
-    -dL/dX is the direction at X, and what moves the point outside.
+    -dL/dX is the direction of the path at X, times the derivative of the move of an inner point to the surface.
     """
     bones = _bones(start, end, gh, size, R_humerus, girdle, q)
     P, X = _placed(start, which.start, bones), _placed(end, which.end, bones)
@@ -310,7 +316,7 @@ def _lines(which: _Which, start, end, gh, size, R_humerus, girdle: Girdle, q):
 
 
 def _about(joint: int, which: _Which, through, f, bones: _Bones) -> Float[Array, " 3 lines postures"]:
-    """Arms about the joint in which this bone hangs."""
+    """Compute the moment arms about the joint between bone ``joint`` (index in ``BONES``) and the previous bone."""
     over = jnp.array([start < joint <= end for start, end in zip(which.start, which.end, strict=True)])[None, :, None]
     return jnp.where(over, jnp.cross(through - bones.origin[joint][:, None], f, axis=0), 0.0)
 
@@ -343,6 +349,6 @@ def _deeper(p, q, axis, radius) -> Float[Array, " lines postures"]:
 
 
 def _by_angle(function, q):
-    """Derivatives by each of the six angles, as a new second axis."""
+    """Differentiate with respect to each of the six angles; the derivatives form a new second axis."""
     units = jnp.broadcast_to(jnp.eye(6).reshape(6, 6, *[1] * (q.ndim - 1)), (6, *q.shape))
     return jax.vmap(lambda unit: jax.jvp(function, (q,), (unit,))[1], out_axes=1)(units)

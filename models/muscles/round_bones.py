@@ -1,15 +1,17 @@
 """Shortest path round a sphere or an infinite cylinder, in closed form: straight, round, straight.
 
-With a unit vector a along the axis of a cylinder, or a = 0 of a sphere, and points p and q from the centre (or from any
-point of the axis), u = p - (p . a) a and v = q - (q . a) a lie in the plane of the section, and the path in it is
+Let a be the unit vector along the axis of a cylinder, or 0 for a sphere, and p and q points relative to the centre (or
+to any point of the axis). Then u = p - (p . a) a and v = q - (q . a) a lie in the plane of the cross-section, and the
+length of the path in this plane is
 
     t_p + r s + t_q,   t_p = (|u|^2 - r^2)^(1/2),   s = angle(u, v) - atan(t_p / r) - atan(t_q / r) > 0;
 
-where s <= 0 the line is straight, |u - v|. Unrolled, a cylinder is flat: L^2 = l^2 + ((q - p) . a)^2, with l the length
-in the section. A point inside counts as its closest point of the surface. Of the two ways round, it is the shorter one.
+where s <= 0 the path is straight, of length |u - v|. The surface of a cylinder unrolls to a plane, so
+L^2 = l^2 + ((q - p) . a)^2, with l the length in the cross-section. A point inside is replaced by the closest point of
+the surface. The path is the shorter one of the two ways round.
 
-DAS3 wraps the muscles of the humerus on such shapes (thesis 3.2.4: a ball for its head, a cylinder for its shaft). Its
-cylinders have ends, and two of them a side that they keep to; here they have neither.
+DAS3 wraps the muscles of the humerus on such shapes (thesis 3.2.4: a ball for its head, a cylinder for its shaft). In
+DAS3 cylinders have ends, and two of them keep the muscle on one side; here they have no ends and no side.
 """
 
 from typing import NamedTuple
@@ -24,28 +26,28 @@ Lengths = Float[Array, " *batch"]
 
 
 class Section(NamedTuple):
-    """The path in the section: from p, on the circle, to q."""
+    """Path in the cross-section: straight from p, along the circle, straight to q."""
 
     before: Lengths
-    """t_p, mm."""
+    """Length t_p of the first straight part, mm."""
     first: Lengths
-    """Angle from u at which the path reaches the circle, rad."""
+    """Angle between u and the point where the path reaches the circle, rad."""
     arc: Lengths
-    """s; not above 0 where there is no contact."""
+    """Angle s, rad; 0 or less without contact."""
     after: Lengths
-    """t_q, mm."""
+    """Length t_q of the last straight part, mm."""
     apart: Lengths
-    """|u - v|, mm."""
+    """Distance |u - v|, mm."""
 
 
 def round_length_mm(p_mm: Points, q_mm: Points, axis: Points, radius_mm: Lengths) -> Lengths:
-    """Measure the path from p to q; differentiable twice but where it lifts off. ``axis``: 0 of a sphere."""
+    """Compute the length of the path from p to q; twice differentiable except at lift-off. ``axis``: 0 for a sphere."""
     u, v, along = _in_section(p_mm, q_mm, axis, radius_mm)
     return jnp.sqrt(_length(_section(u, v, radius_mm), radius_mm) ** 2 + along**2)
 
 
 def round_contact_mm(p_mm: Points, q_mm: Points, axis: Points, radius_mm: Lengths) -> Lengths:
-    """Measure how much of the path lies on the surface; 0 without contact."""
+    """Compute the length of the path on the surface; 0 without contact."""
     u, v, _ = _in_section(p_mm, q_mm, axis, radius_mm)
     section = _section(u, v, radius_mm)
     share = radius_mm * jnp.maximum(section.arc, 0.0) / _length(section, radius_mm)
@@ -53,14 +55,14 @@ def round_contact_mm(p_mm: Points, q_mm: Points, axis: Points, radius_mm: Length
 
 
 def round_depth_mm(p_mm: Points, axis: Points, radius_mm: Lengths) -> Lengths:
-    """Measure how deep a point lies in the surface, 0 outside."""
+    """Compute the depth of a point below the surface; 0 outside."""
     return jnp.maximum(radius_mm - _norm(_across(p_mm, axis)), 0.0)
 
 
 def round_points_mm(
     p_mm: Points, q_mm: Points, axis: Points, radius_mm: Lengths, count: int
 ) -> Float[Array, " points 3 *batch"]:
-    """Return p, ``count`` points evenly along the contact (or along the straight line) and q, both outside."""
+    """Return p, ``count`` points evenly along the contact (or the straight line) and q; p and q are moved outside."""
     u, v, along = _in_section(p_mm, q_mm, axis, radius_mm)
     p_mm, q_mm = (w + jnp.sum(x * axis, axis=0) * axis for w, x in ((u, p_mm), (v, q_mm)))
     section = _section(u, v, radius_mm)
@@ -76,7 +78,7 @@ def round_points_mm(
 
 
 def _in_section(p, q, axis, radius) -> tuple[Points, Points, Lengths]:
-    """u and v, outside, and how far q lies from p along the axis."""
+    """Compute u and v, moved outside, and the distance from p to q along the axis."""
     return _outside(_across(p, axis), radius), _outside(_across(q, axis), radius), jnp.sum((q - p) * axis, axis=0)
 
 
@@ -102,18 +104,19 @@ def _length(section: Section, radius) -> Lengths:
 
 
 def _tangent(u, radius) -> Lengths:
-    """(|u|^2 - r^2)^(1/2), with slope 0 on the surface."""
+    """Compute (|u|^2 - r^2)^(1/2), with derivative 0 on the surface."""
     squared = jnp.sum(u * u, axis=0) - radius**2
     off = squared > _ON_SURFACE * radius**2
     return jnp.where(off, jnp.sqrt(jnp.where(off, squared, 1.0)), 0.0)
 
 
 _ON_SURFACE = 1e-12
-"""Share of r^2 within which a point is on the surface: rounding leaves 1e-15, and the path 1e-6 r at most shorter."""
+"""Share of r^2 within which a point counts as on the surface: rounding errors are 1e-15, and the path gets at most 1e-6
+r shorter."""
 
 
 def _norm(v) -> Lengths:
-    """|v|, with slope 0 at 0."""
+    """Compute |v|, with derivative 0 at 0."""
     squared = jnp.sum(v * v, axis=0)
     off = squared > 0.0
     return jnp.where(off, jnp.sqrt(jnp.where(off, squared, 1.0)), 0.0)

@@ -1,23 +1,23 @@
 """Shortest path between two points outside an ellipsoid: straight, geodesic, straight; exact to rounding.
 
-All vectors are from the centre, along the axes a = (a_x, a_y, a_z). A hat divides by them: the ellipsoid becomes the
-unit sphere |y| = 1, and the straight lines through a point p that touch it, touch it on the circle
+All vectors are relative to the centre, along the axes a = (a_x, a_y, a_z). A hat means division by the axes: the
+ellipsoid becomes the unit sphere |y| = 1, and the tangent lines through a point p touch this sphere on the circle
 
     y(phi) = p^/rho^2 + k e(phi),   direction  e(phi) - k p^,   rho = |p^|,  k = sqrt(1 - 1/rho^2),
 
-with e(phi) a unit vector normal to p^. On the surface k is 0 and phi the direction in which the path leaves. From y the
-path follows the geodesic for a length s (v: unit tangent, N = x_i / a_i^2),
+with e(phi) a unit vector normal to p^. If p is on the surface, k is 0 and phi the direction in which the path leaves.
+From y the path follows the geodesic for a length s (v: unit tangent, N = x_i / a_i^2),
 
     x' = v,   v' = -(v . D v) / |N|^2 N,   D = diag(1 / a_i^2),
 
-and leaves along its tangent. The straight part to a point with rho_q is (rho_q^2 - 1)^(1/2) / |v^| long, whatever the
-direction. So phi and s give an end point with the same rho as q, and two equations remain: where it lies on that
-sphere. They have a regular solution with or without contact and on the surface (a form of the natural geodesic
-variations of Scholz et al., Multibody Syst. Dyn. 36:195-219, 2016, that needs two unknowns). On a sphere the solution
-is a great circle, phi = 0; from there the axes are led to their values, Newton following.
+and leaves along its tangent. The length of the straight part to a point with rho_q is (rho_q^2 - 1)^(1/2) / |v^|,
+independent of the direction. So phi and s give an end point with the same rho as q, and two equations for its position
+on that sphere remain. Their solution is regular with and without contact and on the surface (a form of the natural
+geodesic variations of Scholz et al., Multibody Syst. Dyn. 36:195-219, 2016, that needs two unknowns). On a sphere the
+solution is a great circle, phi = 0; from there a continuation leads the axes to their values, with Newton steps.
 
-There is contact where the straight line from p to q would enter the ellipsoid. Length and directions are continuous
-there, and so is the slope of the length. A point inside counts as its closest point of the surface.
+There is contact where the straight line from p to q would enter the ellipsoid. At lift-off, the length, its derivative
+and the directions are continuous. A point inside is replaced by the closest point of the surface.
 """
 
 import math
@@ -33,40 +33,43 @@ from motions.arrays import Array
 Points = Float[Array, " 3 *batch"]
 
 _STEPS = 128
-"""Runge-Kutta steps along a geodesic: a quarter of a great circle of 100 mm is then exact to 1e-8 mm."""
+"""Runge-Kutta steps along a geodesic: a quarter of a great circle of radius 100 mm is then exact to 3e-8 mm."""
 
 _FEW_STEPS = 24
-"""While the axes are led to their values: enough to stay next to the solution."""
+"""Runge-Kutta steps during the continuation of the axes: enough to stay near the solution."""
 
 _STAGES = 8
-"""Of the axes, on a logarithmic scale: from a sphere to axes 50 times as long as others."""
+"""Stages of the continuation of the axes, on a logarithmic scale: sufficient for axes up to 50 times as long as
+others."""
 
 _NEWTON = 3
-"""Steps a stage: the solution moves little between two."""
+"""Newton steps per stage: the solution moves little from stage to stage."""
 
 _MOST_NEWTON = 12
-"""Steps with the axes at their values; two or three are needed, more next to points that are opposite each other."""
+"""Limit of Newton steps with the final axes; two or three are needed, more near points opposite each other."""
 
 _LANES = 256
-"""Paths that are followed side by side: as many as stay in the processor's cache, four times as fast as thousands."""
+"""Paths per batch: as many as fit into the processor's cache, four times as fast as batches of thousands."""
 
 _LARGEST_TURN = 0.5
-"""rad, and share of the mean axis: the largest Newton step."""
+"""Largest Newton step: in rad for phi, as a share of the mean axis for s."""
 
 _CHORDS = 32
 
 _LONGER = 1.002
-"""A solution that is longer than a path that is known is no shortest one: it winds. The chords are 1e-3 too short."""
+"""Largest length of a solution over the length of a known path: a longer solution winds round and is not the shortest.
+The known length is measured by chords and 1e-3 too short."""
 
 _ON_SURFACE = 1e-12
-"""By how much |y| may be beyond 1 of a point on the surface: rounding leaves 1e-15, and the path 1e-17 longer."""
+"""Excess of |y| over 1 up to which a point counts as on the surface: rounding errors are 1e-15, and the path gets 1e-17
+longer."""
 
 TOLERANCE = 1e-10
-"""Of the end point, by the axes: about 1e-8 mm."""
+"""Tolerance of the end point, divided by the axes: about 1e-8 mm."""
 
 
 class Path(NamedTuple):
-    """A path from p to q; mm, unit vectors."""
+    """Path from p to q; lengths in mm, directions as unit vectors."""
 
     length_mm: Float[Array, " *batch"]
     from_p: Points
@@ -76,12 +79,12 @@ class Path(NamedTuple):
     contact_mm: Float[Array, " *batch"]
     """Length of the geodesic; 0 where there is no contact."""
     by_axes: Points
-    """dL / da_i: the integral of curvature n_i x_i / a_i along the geodesic."""
+    """dL / da_i: the integral of the curvature times n_i x_i / a_i along the geodesic."""
     found: Bool[Array, " *batch"]
 
 
 def outside(p_mm: Points, axes_mm: Points) -> Points:
-    """Replace points inside by their closest point of the surface; differentiable."""
+    """Replace points inside the ellipsoid by the closest point of the surface; differentiable."""
     p, a = jnp.broadcast_arrays(p_mm, axes_mm)
     inside = jnp.sum((p / a) ** 2, axis=0) < 1.0
     return jnp.where(inside[None], closest_point(p, a), p)
@@ -89,13 +92,13 @@ def outside(p_mm: Points, axes_mm: Points) -> Points:
 
 @jax.custom_jvp
 def path_length_mm(p_mm: Points, q_mm: Points, axes_mm: Points) -> Float[Array, " *batch"]:
-    """Measure the shortest path between two points that are not inside; NaN where none was found.
+    """Compute the length of the shortest path between two points that are not inside; NaN where no path was found.
 
-    Its first and second derivatives are exact: the first because the path of least length does not change it to first
-    order, the second by the implicit function theorem on the equations of the path. ``jax.grad``, ``jax.hessian`` and
-    ``jax.jacrev(jax.jacfwd(...))`` give them; reverse over reverse is an error of JAX. At lift-off the second ones have
-    a step. At a point on the surface they are for moves along it, as :func:`outside` makes them: of a move off it the
-    second derivative has no bound.
+    First and second derivatives are exact: the first, because changes of the shortest path do not change its length to
+    first order; the second, by the implicit function theorem on the equations of the path. Use ``jax.grad``,
+    ``jax.hessian`` or ``jax.jacrev(jax.jacfwd(...))``; reverse over reverse is an error of JAX. The second derivatives
+    have a step at lift-off. At a point on the surface they hold for moves along the surface, which :func:`outside`
+    makes; for moves off the surface the second derivative is unbounded.
     """
     path = shortest_path(p_mm, q_mm, axes_mm)
     return jnp.where(path.found, path.length_mm, jnp.nan)
@@ -103,7 +106,7 @@ def path_length_mm(p_mm: Points, q_mm: Points, axes_mm: Points) -> Float[Array, 
 
 @path_length_mm.defjvp
 def _path_length_jvp(primals, tangents):
-    """DL = -u_p . dp - u_q . dq + sum dL/da_i da_i: pulled apart it grows, and so does it over a larger ellipsoid."""
+    """Compute dL = -u_p . dp - u_q . dq + sum dL/da_i da_i, with the directions u_p and u_q of the path at its ends."""
     path = shortest_path(*primals)
     (dp, dq, da) = tangents
     moved = -jnp.sum(path.from_p * dp, axis=0) - jnp.sum(path.from_q * dq, axis=0) + jnp.sum(path.by_axes * da, axis=0)
@@ -114,7 +117,7 @@ def _path_length_jvp(primals, tangents):
 def shortest_path(p_mm: Points, q_mm: Points, axes_mm: Points) -> Path:
     """Find the shortest path between two points that are not inside, elementwise over the batch.
 
-    The one that grows out of the great circle; with the two points nearly opposite, another may be as short.
+    The path found is the continuation of a great circle; with nearly opposite points, another path may be as short.
     """
     given = jnp.broadcast_arrays(p_mm, q_mm, axes_mm)
     batch = given[0].shape[1:]
@@ -153,7 +156,7 @@ def _side_by_side(p, q, a) -> Path:
 
 
 def path_points_mm(p_mm: Points, q_mm: Points, axes_mm: Points, count: int) -> Float[Array, " points 3 *batch"]:
-    """Return points along the shortest path: p, ``count`` of the geodesic or of the straight line, q."""
+    """Return points along the shortest path: p, ``count`` points of the geodesic or of the straight line, and q."""
     p, q, a = jnp.broadcast_arrays(p_mm, q_mm, axes_mm)
     start = _start(p / a, q / a)
     touches = _enters(p / a, q / a)
@@ -166,23 +169,23 @@ def path_points_mm(p_mm: Points, q_mm: Points, axes_mm: Points, count: int) -> F
 
 
 class _Start(NamedTuple):
-    """The problem by the axes, that is on the unit sphere; independent of the axes."""
+    """Problem with all vectors divided by the axes, on the unit sphere."""
 
     p: Points
     inverse_rho2: Array
     k: Array
-    """Of p."""
+    """k of p."""
     e1: Points
-    """Toward q, normal to p."""
+    """Unit vector toward q, normal to p."""
     e2: Points
     q: Points
     beyond_q: Array
-    """(rho_q^2 - 1)^(1/2)."""
+    """Tangent length (rho_q^2 - 1)^(1/2) of q."""
     f1: Points
-    """Normal to q, away from p."""
+    """Unit vector normal to q, away from p."""
     f2: Points
     arc: Array
-    """Of the great circle between the two circles of contact."""
+    """Angle of the great circle between the two circles of contact, rad."""
 
 
 def _start(p, q) -> _Start:
@@ -199,18 +202,18 @@ def _start(p, q) -> _Start:
 
 
 def _off_surface(rho) -> Array:
-    """Let rho be exactly 1, whatever moves, on the surface (and inside)."""
+    """Set rho to exactly 1, with derivative 0, on the surface (and inside)."""
     return jnp.where(rho > 1.0 + _ON_SURFACE, rho, 1.0)
 
 
 def _tangent(rho) -> Array:
-    """Compute (rho^2 - 1)^(1/2), with slope 0 at 1."""
+    """Compute (rho^2 - 1)^(1/2), with derivative 0 at 1."""
     off = rho > 1.0
     return jnp.where(off, jnp.sqrt(jnp.where(off, rho**2 - 1.0, 1.0)), 0.0)
 
 
 def _known_length(start: _Start, a) -> Array:
-    """Measure a path that is not the shortest, in a plane through the centre; by chords, 1e-3 too short."""
+    """Compute the length of a path in a plane through the centre, not the shortest one; by chords, 1e-3 too short."""
     x, _, before = _leave(start, jnp.zeros_like(start.k), a)
     outward = start.p / _norm(start.p)[None]
     touching = jnp.arctan2(jnp.sum(x / a * start.e1, axis=0), jnp.sum(x / a * outward, axis=0))
@@ -224,7 +227,7 @@ def _known_length(start: _Start, a) -> Array:
 
 
 def _enters(p, q) -> Bool[Array, " *batch"]:
-    """Whether the straight line between two points that are not inside the unit sphere enters it."""
+    """Check whether the straight line between two points that are not inside the unit sphere enters it."""
     d = q - p
     squared = jnp.sum(d * d, axis=0)
     share = -jnp.sum(p * d, axis=0) / jnp.where(squared > 0.0, squared, 1.0)
@@ -233,7 +236,8 @@ def _enters(p, q) -> Bool[Array, " *batch"]:
 
 
 def _leave(start: _Start, phi, a) -> tuple[Points, Points, Array]:
-    """Where the path meets the surface, its unit tangent there, and the length of the straight part before it."""
+    """Compute the point where the path meets the surface, the unit tangent there, and the length of the straight part
+    before."""
     e = jnp.cos(phi)[None] * start.e1 + jnp.sin(phi)[None] * start.e2
     y = start.p * start.inverse_rho2[None] + start.k[None] * e
     direction = a * (e - start.k[None] * start.p)
@@ -242,7 +246,7 @@ def _leave(start: _Start, phi, a) -> tuple[Points, Points, Array]:
 
 
 def _geodesic(x, v, s, a, steps: int | Array) -> tuple[Points, Points, Points]:
-    """Follow the geodesic for a length s: end point, unit tangent, integral of curvature n_i x_i / a_i."""
+    """Integrate the geodesic over a length s: end point, unit tangent, integral of curvature times n_i x_i / a_i."""
     h = s / steps
 
     def slope(state):
@@ -268,7 +272,7 @@ def _geodesic(x, v, s, a, steps: int | Array) -> tuple[Points, Points, Points]:
 
 
 def _miss(start: _Start, phi, s, a, steps: int | Array) -> tuple[Array, Array]:
-    """By how much the end point misses q on its sphere, in two directions."""
+    """Compute the error of the end point against q on its sphere, in two directions."""
     x, v, _ = _geodesic(*_leave(start, phi, a)[:2], s, a, steps)
     tangent = v / a
     end = x / a + tangent * (start.beyond_q / _norm(tangent))[None]
@@ -277,7 +281,8 @@ def _miss(start: _Start, phi, s, a, steps: int | Array) -> tuple[Array, Array]:
 
 @jax.custom_jvp
 def _solve(start: _Start, a, touches) -> tuple[Array, Array, Array]:
-    """Lead the axes from a sphere to a: phi, s and the miss. Only those that touch have to arrive."""
+    """Continue the axes from a sphere to ``a``; return phi, s and the error of the end point. Only paths with contact
+    have to converge."""
     mean = jnp.exp(jnp.mean(jnp.log(a), axis=0))
 
     def part(number, state):
@@ -304,7 +309,7 @@ def _solve(start: _Start, a, touches) -> tuple[Array, Array, Array]:
 
 @_solve.defjvp
 def _solve_jvp(primals, tangents):
-    """Implicit function theorem: what start and axes add to the miss, phi and s take away."""
+    """Apply the implicit function theorem: changes of phi and s cancel the error that start and axes add."""
     start, a, _ = primals
     phi, s, error = _solve(*primals)
     _, moved = jax.jvp(lambda start, a: _miss(start, phi, s, a, _STEPS), (start, a), tangents[:2])
@@ -313,7 +318,8 @@ def _solve_jvp(primals, tangents):
 
 
 def _correction(start: _Start, phi, s, a, steps: int | Array):
-    """The miss, and the function that says which change of phi and s takes a small miss away."""
+    """Compute the error of the end point, and the function from a small error to the change of phi and s that cancels
+    it."""
 
     def miss(phi, s):
         return _miss(start, phi, s, a, steps)
@@ -327,7 +333,7 @@ def _correction(start: _Start, phi, s, a, steps: int | Array):
 
 
 def _newton(start: _Start, phi, s, a, mean, steps: int | Array) -> tuple[Array, Array, Array]:
-    """One step of phi and s, and the miss before it."""
+    """Compute phi and s after one Newton step, and the error of the end point before it."""
     (r1, r2), correction = _correction(start, phi, s, a, steps)
     turn, onward = correction(r1, r2)
     largest = jnp.maximum(abs(turn), abs(onward) / mean) / _LARGEST_TURN

@@ -1,17 +1,18 @@
 """The conoid's attachments of a generic girdle, carried to a person's bones by their landmarks (thesis, Chapter 5).
 
-With landmarks alone a thin-plate deformation is the affine map that takes the generic landmarks to the person's. Both
-are in the frames of their bones (Appendix A):
+With landmarks alone, a thin-plate deformation is the affine map that takes the generic landmarks to the person's. All
+landmarks are in the frames of their bones (Appendix A):
 
-- scapula: AC is the origin of both, so the map is linear, in the plane of AC, TS and AI with M (ts, ai) = (ts', ai'),
-  at right angles to it by sqrt(det M), as a bone of the same proportions grows;
-- clavicle: two landmarks give the ratio of the lengths alone.
+- scapula: AC is the origin of both frames, so the map is linear: M (ts, ai) = (ts', ai') in the plane of AC, TS and AI,
+  and the scale sqrt(det M) at right angles to this plane, as if the bone grew with the same proportions;
+- clavicle: two landmarks determine only the ratio of the lengths.
 
-The ligament grows as the scapula. A bone carried to itself is unchanged; a bone of another size but the same shape is
-carried without error. What shape differs beyond the landmarks stays unknown: ``ATTACHMENT_SD_MM``.
+The conoid length scales as the scapula does. The map is exact for a bone of the same shape, whatever its size.
+``ATTACHMENT_SD_MM`` is the error from differences in shape that the landmarks do not show.
 
-Surfaces of both scapulae, where there are any, carry the scapular attachment in place of the landmarks
-(``models.person.transfer``). Not the clavicular one: two landmarks do not say how a clavicle is turned about its axis.
+If surfaces of both scapulae are given, they carry the scapular attachment in place of the landmarks
+(``models.person.transfer``). Surfaces do not carry the clavicular attachment, because two landmarks do not determine
+the rotation of a clavicle about its axis.
 """
 
 from dataclasses import dataclass, replace
@@ -24,11 +25,11 @@ from models.person.transfer.carried_attachments import Bone, carry_attachments
 from models.person.transfer.mesh import Mesh
 
 ATTACHMENT_SD_MM = 8.0
-"""Of an attachment carried by landmarks, a coordinate: seen in MRI and in dissection of one cadaver, attachments are 4
-to 21 mm apart (Tables 4.6 and 4.7)."""
+"""SD of one coordinate of an attachment carried by landmarks. MRI and dissection of one cadaver place attachments 4 to
+21 mm apart (Tables 4.6 and 4.7)."""
 
 CONOID_SD_MM = 2.5
-"""Of the length of a ligament between people: assumed, above the 1-2 mm of ten subjects (thesis Table 6.5)."""
+"""SD of a ligament's length between people: assumed, above the 1-2 mm of ten subjects (thesis Table 6.5)."""
 
 
 def scapular_map(
@@ -37,7 +38,7 @@ def scapular_map(
     ts_mm: Float[np.ndarray, "3"],
     ai_mm: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "3 3"]:
-    """Compute the linear map of the scapula frame that takes TS and AI of one scapula to those of another."""
+    """Compute the linear map, in the scapula frame, that takes the generic TS and AI to the person's TS and AI."""
     plane = np.column_stack([ts_mm[:2], ai_mm[:2]]) @ np.linalg.inv(
         np.column_stack([generic_ts_mm[:2], generic_ai_mm[:2]])
     )
@@ -55,7 +56,7 @@ class ScapularSurfaces:
     person: Mesh
 
     def carried(self, person: Girdle, generic: Girdle) -> Float[np.ndarray, "3"]:
-        """Carry the scapular attachment of the conoid by the surfaces, held at AC, TS and AI; scapula frame."""
+        """Carry the conoid's scapular attachment (scapula frame) by the surfaces, held at AC, TS and AI."""
         bones = [
             Bone({"AC": np.zeros(3), "TS": np.asarray(of.ts_mm), "AI": np.asarray(of.ai_mm)}, mesh)
             for of, mesh in ((generic, self.generic), (person, self.person))
@@ -65,7 +66,7 @@ class ScapularSurfaces:
 
 
 def with_carried_conoid(person: Girdle, generic: Girdle, surfaces: ScapularSurfaces | None = None) -> Girdle:
-    """Give a person's girdle the conoid of a generic one, carried to its clavicle and scapula."""
+    """Return the person's girdle with the conoid of the generic girdle, carried to the person's bones."""
     scapula = scapular_map(*(np.asarray(v) for v in (generic.ts_mm, generic.ai_mm, person.ts_mm, person.ai_mm)))
     longer = float(person.ac_mm[0]) / float(generic.ac_mm[0])
     by_landmarks = scapula @ np.asarray(generic.scapula_conoid_mm)

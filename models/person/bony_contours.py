@@ -1,4 +1,4 @@
-"""What points on bones give beside the girdle: joint centres and bony contours of muscles (thesis 4.3.3 and 4.3.5)."""
+"""Joint centres and bony contours of muscles from points on bones (thesis 4.3.3 and 4.3.5)."""
 
 from collections.abc import Mapping
 
@@ -9,13 +9,14 @@ from models.person.least_squares import Points
 from models.person.round_surfaces import fit_cylinder, fit_sphere
 
 NEAR_MM = 10.0
-"""Points of the clavicle nearer than this to the scapula, and the other way round, are of the AC joint (4.3.3)."""
+"""Points of the clavicle or scapula that are closer than this to the other bone belong to the AC joint (4.3.3)."""
 
 
 def described_contours(points_mm: Mapping[str, Points]) -> tuple[str, ...]:
-    """Describe, a line each, what the points by surface give: GH and its sphere, the shaft, SC and AC as joints.
+    """Describe the fitted surfaces and joint centres, one line each: GH and its sphere, the humeral shaft, SC and AC.
 
-    In the thorax frame of the posture in which the points were taken, mm. ValueError where they give no such surface.
+    ``points_mm`` has the points of each surface. Positions are in mm in the thorax frame of the posture in which the
+    points were measured. ValueError where the points do not determine their surface.
     """
     found = []
     if "humeral_head" in points_mm:
@@ -40,9 +41,9 @@ def described_contours(points_mm: Mapping[str, Points]) -> tuple[str, ...]:
 
 
 def acromioclavicular_centre_mm(clavicle_mm: Points, scapula_mm: Points) -> Float[np.ndarray, "3"]:
-    """Average the points of the clavicle within ``NEAR_MM`` of the scapula and those of the scapula near the clavicle.
+    """Compute the AC joint centre: the mean of the points of either bone that lie within ``NEAR_MM`` of the other bone.
 
-    ValueError where the two bones come nowhere so near.
+    ValueError where no points of the two bones are so close.
     """
     apart = np.linalg.norm(clavicle_mm[:, :, None] - scapula_mm[:, None, :], axis=0)
     near = clavicle_mm[:, apart.min(axis=1) < NEAR_MM], scapula_mm[:, apart.min(axis=0) < NEAR_MM]

@@ -1,4 +1,4 @@
-"""A parameter set for each subject of a batch, under one name: what ``--models-of FOLDER`` reads."""
+"""Parameter sets of several subjects under one name, one set per subject, as ``--models-of FOLDER`` reads them."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -17,22 +17,25 @@ _MAKE = "Make the sets with girdle model, one for each subject"
 
 @dataclass(frozen=True, eq=False)
 class PersonalSets:
-    """A parameter set of each person, by the subject's name."""
+    """The parameter sets of several persons, by subject."""
 
     name: str
     by_subject: Mapping[str, ParameterSet]
 
     def of(self, subject: str) -> ParameterSet:
-        """Give the set of a subject, who must have one."""
+        """Return the set of a subject. KeyError where the subject has none."""
         return self.by_subject[subject]
 
 
 AnyModel = ParameterSet | PersonalSets
-"""What subjects are fitted with: ``of(subject)`` is the set of each."""
+"""Model with which subjects are fitted: ``of(subject)`` returns the set of one subject."""
 
 
 def as_list(models: AnyModel | Sequence[AnyModel]) -> list[AnyModel]:
-    """List the models; of one alone, that one. InputError where there is none, one is only a name or two share one."""
+    """List the models; a single model becomes a list of one.
+
+    InputError where there is no model, where a model is given as a mere name, or where two models have the same name.
+    """
     every = [models] if isinstance(models, AnyModel | str) else list(models)
     for one in every:
         if not isinstance(one, AnyModel):
@@ -57,9 +60,9 @@ def set_files(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def load_personal_sets(folder: str | os.PathLike[str]) -> PersonalSets:
-    """Load every parameter set of a folder; its ``name`` is the subject's, the folder's is that of all.
+    """Load all parameter sets of a folder. The ``name`` of a set names its subject, the folder names them all.
 
-    InputError where a file is no parameter set, or where two have one name.
+    InputError where a file is no parameter set, or where two sets have the same name.
     """
     found: dict[str, tuple[Path, ParameterSet]] = {}
     for path in set_files(folder):
@@ -72,18 +75,21 @@ def load_personal_sets(folder: str | os.PathLike[str]) -> PersonalSets:
 
 
 def load_any_model(name: str) -> AnyModel:
-    """Load the sets of a folder, named with its path, or one set by its name or file (``load_model``)."""
+    """Load the sets of a folder if ``name`` is its path with a separator, else one set (``load_model``)."""
     return load_personal_sets(name) if os.sep in name and Path(name).is_dir() else load_model(name)
 
 
 def girdles_of(model: AnyModel, subjects: Sequence[str]) -> Girdle:
-    """Stack the girdle of each of these subjects, as often as it is named, numpy: ``(3, subjects)``."""
+    """Stack the girdles of the subjects as numpy arrays ``(3, subjects)``, one per entry of ``subjects``."""
     sets, place = unique_sets([model], subjects)
     return stacked_girdles(sets, place)
 
 
 def unique_sets(models: Sequence[AnyModel], subjects: Sequence[str]) -> tuple[list[ParameterSet], np.ndarray]:
-    """List the different sets of all subjects with all models; and which of them each (model, subject) has."""
+    """List the distinct sets of all subjects and models, and the index into this list of each (model, subject) pair.
+
+    The subjects vary fastest in the indices.
+    """
     sets = [model.of(subject) for model in models for subject in subjects]
     different = list(dict.fromkeys(sets))
     number = {one: k for k, one in enumerate(different)}
@@ -91,5 +97,5 @@ def unique_sets(models: Sequence[AnyModel], subjects: Sequence[str]) -> tuple[li
 
 
 def stacked_girdles(sets: Sequence[ParameterSet], place: np.ndarray) -> Girdle:
-    """Stack the girdles of the sets and take them by their places, numpy."""
+    """Stack the girdles of the sets, indexed by ``place``, as numpy arrays."""
     return jax.tree.map(lambda *x: np.stack(x, axis=-1)[..., place], *[one.girdle for one in sets])

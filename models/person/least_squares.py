@@ -1,4 +1,4 @@
-"""Surfaces fitted to points by least squares, with the covariance of what was fitted."""
+"""Least-squares fits of surfaces to points, with the covariance of the fitted parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,49 +13,50 @@ from jaxtyping import Float
 from motions.arrays import Array
 
 _SETTLED = 1e-12
-"""Relative and absolute (mm) change at which the fit has converged: a patch of exact points comes back to 1e-6 mm even
-where M_y and A_y hardly differ in what they do."""
+"""Relative and absolute (mm) tolerance of the change per iteration. With it, the fit to exact points on a patch is
+correct to 1e-6 mm, even where M_y and A_y have almost the same effect."""
 
 _MOST_STEPS = 500
 
 _STATIONARY = 1e-6
-"""|J_i' r| over |J_i| |r| of a minimum: the cosine of the residuals with each slope."""
+"""Tolerance of |J_i' r| / (|J_i| |r|), the cosine between residuals and a column of the Jacobian, at a minimum."""
 
 _EXACT_MM = 1e-9
-"""What exact points leave."""
+"""Residual of exact points, from rounding."""
 
 _POINTS_STEP = 16
-"""Points are padded to a multiple of this, with weight 0: few programs are compiled."""
+"""Number of points to a multiple of which each fit is padded, with weight 0, so that few programs are compiled."""
 
 Points = Float[np.ndarray, "3 points"]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The parameters with the least sum of squared distances."""
+    """Parameters that minimise the sum of squared distances."""
 
     values: Float[np.ndarray, " parameters"]
     covariance: Float[np.ndarray, "parameters parameters"]
-    """s^2 (J'J)^-1, s^2 = sum of squares / (points - parameters): of points with independent noise."""
+    """s^2 (J'J)^-1 with s^2 = sum of squares / (points - parameters), for points with independent noise."""
     rms_mm: float
-    """Of the distances of the points."""
+    """Root mean square of the distances of the points to the surface."""
     converged: bool
 
     @property
     def sd(self) -> Float[np.ndarray, " parameters"]:
-        """The standard deviations."""
+        """Standard deviations of the parameters."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     def correlation(self, one: int, other: int) -> float:
-        """Compute the correlation of two parameters; 0 where one of them is exact."""
+        """Compute the correlation of two parameters; 0 where one of them has SD 0."""
         sd = self.sd[one] * self.sd[other]
         return float(self.covariance[one, other] / sd) if sd > 0.0 else 0.0
 
 
 def fitted(distances: Callable[..., Array], points_mm: Points, start: Float[np.ndarray, " parameters"], *fixed) -> Fit:
-    """Minimise sum |distances(parameters, points, *fixed)|^2 from a start (Levenberg-Marquardt, optimistix).
+    """Minimise sum |distances(parameters, points, *fixed)|^2 from a starting point (Levenberg-Marquardt, optimistix).
 
-    ``distances`` is a function of the module's own, not one made anew for each fit: the compiled program is kept by it.
+    Pass a module-level function as ``distances``, not a closure made for each fit: the compiled program is cached under
+    this function.
     """
     count = points_mm.shape[1]
     padded = -(-count // _POINTS_STEP) * _POINTS_STEP
@@ -76,8 +77,8 @@ def _is_minimum(values, J, left) -> bool:
 
 
 def minimised(distances, start, points, weights, fixed: tuple[Any, ...]) -> tuple[Array, Array]:
-    """Minimise sum (weights distances)^2 from a start, as a function of JAX; and tell whether that ended well."""
-    import optimistix  # 0.2 s: not for every command
+    """Minimise sum (weights distances)^2 from a starting point, in JAX. Return the parameters and True if converged."""
+    import optimistix  # takes 0.2 s, and only some commands need it
 
     def residuals(values, _):
         return weights * distances(values, points, *fixed)

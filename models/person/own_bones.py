@@ -1,15 +1,16 @@
-"""Bones and frames of a person's own: how the numbers of a person's girdle spread about those of a parameter set.
+"""Own bones: prior of the numbers of a person's girdle (bones and frames) about the numbers of a parameter set.
 
-Nobody has the cadaver's bones. The numbers x of a person's girdle (``Girdle.numbers_mm``) are those of the set and a
-sum over sizes z, each of which moves them along a column of one SD:
+Nobody has the cadaver's bones. The numbers x of a person's girdle (``Girdle.numbers_mm``) are the numbers x_0 of the
+set plus a sum over sizes z_k. The column c_k is the change of the numbers by one SD of size k:
 
     x = x_0 + sum_k z_k c_k,     z_k ~ N(0, scale of its group)
 
-The posture says nothing of a common translation of thorax and joint SC: the chain sees the ellipsoid's centre from SC
-(:func:`of_chain`), and M and SC share what it finds there. The frames in which clavicle and scapula were measured are
-turned about their origins SC and AC: to a measured orientation that is the same as landmarks turned the other way.
-Several sizes move the same numbers (a turned scapula and TS, AI and the conoid elsewhere on it). The prior of x is
-therefore one covariance, the sum of c c'; what x is found shares out to the sizes by their variances.
+The posture does not depend on a common translation of thorax and joint SC. The chain depends on the ellipsoid's centre
+M relative to SC (:func:`of_chain`), and a change of this vector is divided between M and SC. The frames in which
+clavicle and scapula were measured rotate about their origins SC and AC; for a measured orientation this is the same as
+an opposite rotation of the landmarks. Several sizes change the same numbers: a rotated scapula, for example, and other
+places of TS, AI and the conoid on it. The prior of x is therefore one covariance, the sum of c c', and an estimate of x
+is divided between the sizes in proportion to their variances.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,30 +34,30 @@ from motions.rotations import DEG
 Group = Literal["adapted", "bones", "frames"]
 
 GROUPS: tuple[Group, ...] = ("adapted", "bones", "frames")
-"""The six adapted parameters, the other numbers of bones and joints, and the measured frames."""
+"""Groups of sizes: the six adapted parameters, the other numbers of bones and joints, and the measured frames."""
 
 Column = Float[np.ndarray, " numbers *batch"]
 
 
 @dataclass(frozen=True)
 class OwnSize:
-    """One way in which persons differ."""
+    """One way in which the girdles of persons differ."""
 
     name: str
     group: Group
     unit: Literal["mm", "percent", "deg"]
     sd: float
-    """Between persons, in the unit."""
+    """SD between persons, in ``unit``."""
     source: str
-    """Of the SD."""
+    """Source of the SD."""
     keys: tuple[str, ...]
-    """The keys of a parameter set that would have measured it."""
+    """Keys of the numbers of a parameter set that determine this size; the size is measured if they all are."""
     per_unit: Callable[[Girdle], Column]
-    """What one unit of it adds to the numbers of a girdle."""
+    """Function that returns the change of a girdle's numbers by one unit of this size."""
 
     @property
     def key(self) -> str:
-        """Its name with the unit, as files have it."""
+        """Name with the unit, as in files."""
         return f"{self.name}_{self.unit}"
 
 
@@ -69,7 +70,7 @@ def _nothing(girdle: Girdle) -> Column:
 
 
 def _moved(axis: int, *names: str) -> Callable[[Girdle], Column]:
-    """By a millimetre along an axis."""
+    """Return the ``per_unit`` of a translation of the named places: 1 mm along an axis."""
 
     def per_unit(girdle: Girdle) -> Column:
         column = _nothing(girdle)
@@ -81,12 +82,12 @@ def _moved(axis: int, *names: str) -> Callable[[Girdle], Column]:
 
 
 def _larger(**shares: float) -> Callable[[Girdle], Column]:
-    """By a percent of the bone, each vector with its share in it."""
+    """Return the ``per_unit`` of a bone's growth by 1 %, in which each vector takes part with its share."""
     return _sum_over(shares, lambda vector, share: share * vector / 100.0)
 
 
 def _turned(axis: int, names: tuple[str, ...]) -> Callable[[Girdle], Column]:
-    """By a degree about an axis of the frame."""
+    """Return the ``per_unit`` of a rotation of the named vectors by 1 degree about an axis of the frame."""
     return _sum_over(
         dict.fromkeys(names, 1.0), lambda vector, _: np.cross(np.eye(3)[axis], vector, axisb=0, axisc=0) / float(DEG)
     )
@@ -103,7 +104,7 @@ def _sum_over(shares: Mapping[str, float], change: Callable) -> Callable[[Girdle
 
 
 def _each_axis(name: str, axes: str, sd: float, source: str, key: str, *fields: str) -> tuple[OwnSize, ...]:
-    """A place that may be elsewhere along these axes, or, without one, another length."""
+    """Build the sizes of a place, one per axis; without axes, the one size of a length."""
     keys = (key,) if key else ()
     if not axes:
         return (OwnSize(name, "bones", "mm", sd, source, keys, _moved(0, *fields)),)
@@ -122,7 +123,7 @@ def _frame(name: str, sds_deg: tuple[float, float, float], source: str, fields: 
 _LENGTH, _SIZE = EFFECTS["clavicle_length"].prior, EFFECTS["scapula_size"].prior
 
 _SDS_IN_A_RANGE = 2.0
-"""A set states how far off a number that it had to assume may be: taken for two SDs."""
+"""Number of SDs in the range that a set states for a number that it had to assume."""
 
 _CONOID = (
     "assumed: beside the bones' sizes, joints and frames, which move it by some 4 mm; the conoids of the sets are 20 "
@@ -169,7 +170,7 @@ SIZES: tuple[OwnSize, ...] = (
     ),
     *_frame("scapula_frame", (4.0, 4.0, 4.0), "palpation of AC, TS, AI; AC for AA leaves 1-8 deg", ON_SCAPULA),
 )
-"""The six adapted parameters first, in their order."""
+"""All ways in which persons differ; the six adapted parameters come first, in the order of ``ADAPTED``."""
 
 NAMES = tuple(one.name for one in SIZES)
 
@@ -178,24 +179,24 @@ if NAMES[: len(ADAPTED)] != ADAPTED:
 
 
 def sds_of(place: str) -> Float[np.ndarray, " axes"]:
-    """Give the SDs of the sizes along or about the axes of a place or a frame."""
+    """Return the SDs of the sizes along the axes of a place or about the axes of a frame."""
     return np.array([one.sd for one in SIZES if one.name.rpartition("_")[0] == place])
 
 
 OwnSDs = Mapping[str, float]
-"""Other SDs than those of ``SIZES``, in their units, by name; 0 holds a size at the set's."""
+"""SDs that replace the SDs of ``SIZES``, by name, in the same units; 0 fixes a size at the set's value."""
 
 NO_SDS: OwnSDs = MappingProxyType({})
 
 
 def with_own_sizes(girdle: Girdle, sizes: Mapping[str, Float[np.ndarray, " *batch"]]) -> Girdle:
-    """Add sizes, by ``OwnSize.key`` in their units, to the numbers of a girdle."""
+    """Add sizes, given by ``OwnSize.key`` in their units, to the numbers of a girdle."""
     moved = sum(size.per_unit(girdle) * sizes[size.key] for size in SIZES if size.key in sizes)
     return Girdle.of_numbers(np.asarray(girdle.numbers_mm) + moved)
 
 
 def of_chain(numbers_mm: Float[np.ndarray, " numbers *batch"]) -> Float[np.ndarray, " numbers *batch"]:
-    """Move the girdle so that SC is at 0: what postures depend on."""
+    """Translate the girdle so that SC is at 0, because postures do not depend on its position."""
     moved = np.array(numbers_mm)
     moved[NUMBERS["centre_mm"]] -= moved[NUMBERS["sc_mm"]]
     moved[NUMBERS["sc_mm"]] = 0.0
@@ -205,34 +206,35 @@ def of_chain(numbers_mm: Float[np.ndarray, " numbers *batch"]) -> Float[np.ndarr
 SHOWN_BY_LANDMARKS = np.array(
     [name in {"SC_x", "SC_y", "SC_z", "clavicle_length", "scapula_size", "TS_x", "AI_x", "AI_y"} for name in NAMES]
 )
-"""Sizes that positions of landmarks show. Where the joint AC is beside the landmark they do not, nor how the measured
-frames are turned."""
+"""Mask of the sizes that landmark positions show. The positions show neither the offset of the joint AC from its
+landmark nor the rotation of the measured frames."""
 
 
 class Spread(NamedTuple):
-    """How persons differ about a set, or about each of several."""
+    """Differences between persons about one parameter set, or about each of several."""
 
     sd: Float[np.ndarray, " sizes *batch"]
-    """In the unit of each of ``SIZES``."""
+    """SD of each of ``SIZES``, in its unit."""
     columns_mm: Float[np.ndarray, "numbers sizes *batch"]
-    """What one SD of each adds to the numbers of the girdle."""
+    """Change of the girdle's numbers by one SD of each size."""
     more_mm: Float[np.ndarray, " seven *batch"]
-    """By how much landmarks say that a person's numbers (``landmark_numbers``) exceed the set's; NaN of what was not
-    measured."""
+    """Person's numbers by landmarks (``landmark_numbers``) minus the set's; NaN where not measured."""
     more_sd_mm: Float[np.ndarray, " seven *batch"]
 
     def from_landmarks(self, found: LandmarkNumbers, set_mm: Float[np.ndarray, " seven *batch"], known) -> "Spread":
-        """Add what landmarks of each person say of numbers that are ``known`` from nowhere else."""
+        """Add the numbers measured by each person's landmarks, and their SDs, where ``known`` is True: the set has not
+        measured this number itself."""
         return self._replace(
             more_mm=np.where(known, found.values_mm - set_mm, np.nan), more_sd_mm=np.where(known, found.sd_mm, np.nan)
         )
 
 
 def spread_about(one: ParameterSet, sds: OwnSDs = NO_SDS) -> Spread:
-    """Give the SD of each size about a set.
+    """Compute the SD of each size about a parameter set.
 
-    An SD holds the spread of people and the range that the set states of its own number; of a number that was measured
-    of this person (``girdle model``), only what its source states. InputError for an SD of no size, or that is none.
+    An SD combines the spread between people with the range that the set states for its own number. For a number
+    measured on this person (``girdle model``) it is only the SD that the source states. InputError where ``sds`` names
+    no size of ``SIZES`` or gives a value that is no SD.
     """
     sd = np.array([_sd(one, size) for size in SIZES])
     for name, given in sds.items():
@@ -252,7 +254,7 @@ def _sd(one: ParameterSet, size: OwnSize) -> float:
     if size.name == "clavicle_length":
         return min(100.0 * stated / float(one.girdle.ac_mm[0]), size.sd) if measured else size.sd
     if size.unit != "mm":
-        return 0.0 if measured else size.sd  # TS and AI have what their sources state
+        return 0.0 if measured else size.sd  # the SDs of TS and AI hold the measurement error of the scapula
     if measured:
         return min(stated or size.sd, size.sd)
     return float(np.hypot(size.sd, stated / _SDS_IN_A_RANGE))

@@ -1,17 +1,17 @@
-"""A parameter set of a person: what landmarks and points give, and the rest from a generic set, carried or assumed.
+"""The parameter set of a person: numbers from landmarks and points, the rest carried or assumed from a generic set.
 
 - SC: mean over the postures, thorax frame. Lengths: medians (``models.person.sizes``). Scapula frame (Appendix A):
   TS = (-|AC-TS|, 0, 0), and AI = (x, -y, 0) with x = -(|AC-TS|^2 + |AC-AI|^2 - |TS-AI|^2) / (2 |AC-TS|) and
   x^2 + y^2 = |AC-AI|^2.
-- Thorax: the ellipsoid of least D of the person's points (``models.person.thorax_ellipsoid``), else the generic one.
-- Conoid: carried by landmarks, on the scapula by surfaces where they are given (``models.person.attachments``).
+- Thorax: the ellipsoid of least D for the person's points (``models.person.thorax_ellipsoid``), else the generic one.
+- Conoid: carried by landmarks; on the scapula by surfaces where they are given (``models.person.attachments``).
 - const1 and const2: the distances of TS and AI to the ellipsoid in a named posture at rest, so that A1 and A2 hold in
-  it. A3 holds there with the axial rotation c of the clavicle that nobody measured: with p the scapular attachment in
-  the clavicle's frame before axial rotation and k the clavicular one,
+  this posture. A3 holds there through the axial rotation c of the clavicle, which nobody measured. With the scapular
+  attachment p in the clavicle's frame before axial rotation, and the clavicular attachment k,
 
       |p - Rx(c) k|^2 = |p|^2 + |k|^2 - 2 (p_x k_x + P cos(c - c_0)),   P^2 = (p_y^2 + p_z^2) (k_y^2 + k_z^2).
 
-  Where no c gives the carried length, the ligament has the nearest length that one gives.
+  Where no c gives the carried conoid length, the set gets the nearest length that some c gives.
 """
 
 from collections.abc import Mapping
@@ -36,16 +36,16 @@ _UP = np.array([0.0, 1.0, 0.0])
 _TRIAD = (("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
 
 STAND_IN_MM = 10.0
-"""SD of SC placed from IJ and of AC placed from AA (``motions.landmarks``)."""
+"""SD of SC estimated from IJ and of AC estimated from AA (``motions.landmarks``)."""
 
 GENERIC_THORAX_MM = 15.0
-"""How far the person's chest may be from the generic ellipsoid under TS and AI: two fits of one cadaver's thorax leave
-each other's points by up to 15 mm (``adapt.trust.thorax_plausibility``)."""
+"""Uncertainty of the distance between the person's chest and the generic ellipsoid under TS and AI: two fits of one
+cadaver's thorax are up to 15 mm away from each other's points (``adapt.trust.thorax_plausibility``)."""
 
 
 @dataclass(frozen=True)
 class PersonSet:
-    """A person's girdle, ready to be written, and what a reader should know of it."""
+    """A person's girdle, ready to be written to a file, with its sources, checks and notes for the reader."""
 
     girdle: Girdle
     points_mm: Float[np.ndarray, "3 points"]
@@ -67,10 +67,11 @@ def person_set(
 ) -> PersonSet:
     """Build the set of one person from landmarks in the thorax frame (SC, AC, TS, AI), right shoulder.
 
-    rest: the posture in which the chain closes. stand_ins: landmarks that were not measured, and what is in their
-    place. surfaces: of the generic and the person's scapula, which carry the conoid's attachment there in place of the
-    landmarks. ValueError where a landmark was not measured at rest, or AC, TS and AI lie on a line, or where the thorax
-    points give no ellipsoid, or one whose middle is in front of IJ.
+    ``rest``: index of the posture in which the chain closes. ``stand_ins``: estimated landmarks, each with the text
+    that says how it was estimated. ``surfaces``: surfaces of the generic and the person's scapula, which carry the
+    conoid's attachment there in place of the landmarks. ValueError where a landmark was not measured at rest, where AC,
+    TS and AI lie on a line, or where the thorax points give no ellipsoid, or an ellipsoid with its centre in front of
+    IJ.
     """
     at_rest = _at_rest(landmarks_mm, rest, posture_names[rest])
     rigidity = check_rigidity({name: p.T for name, p in landmarks_mm.items() if name not in stand_ins})
@@ -116,7 +117,7 @@ def _at_rest(landmarks_mm: Mapping[str, np.ndarray], rest: int, name: str) -> di
 
 
 def _scapula(ac_ts: float, ac_ai: float, ts_ai: float) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """TS and AI in the scapula frame of Appendix A."""
+    """Compute TS and AI in the scapula frame (Appendix A) from three distances."""
     x = -(ac_ts**2 + ac_ai**2 - ts_ai**2) / (2.0 * ac_ts)
     off_line = ac_ai**2 - x**2
     if off_line < FLATTEST_SCAPULA_MM**2:
@@ -125,7 +126,7 @@ def _scapula(ac_ts: float, ac_ai: float, ts_ai: float) -> tuple[Float[np.ndarray
 
 
 def _closed_at_rest(girdle: Girdle, at: Mapping[str, Float[np.ndarray, "3"]]) -> tuple[Girdle, float]:
-    """The girdle with const1, const2 and const3 of the posture at rest, and the conoid's carried length, mm."""
+    """Return the girdle with const1, const2 and const3 of the posture at rest, and the carried conoid length, mm."""
     R_thorax_scapula = scapula_frame(at["AC"], at["TS"], at["AI"])
     R_thorax_clavicle = clavicle_frame(np.asarray(girdle.sc_mm), at["AC"], _UP)
     AC = girdle.sc_mm + R_thorax_clavicle @ girdle.ac_mm
@@ -146,13 +147,13 @@ def _closed_at_rest(girdle: Girdle, at: Mapping[str, Float[np.ndarray, "3"]]) ->
 
 
 def _conoid_reach_mm(p: Float[np.ndarray, "3"], k: Float[np.ndarray, "3"]) -> tuple[float, float]:
-    """Shortest and longest |p - Rx(c) k| over c."""
+    """Compute the smallest and largest |p - Rx(c) k| over c."""
     along, one, other = p[0] - k[0], np.hypot(p[1], p[2]), np.hypot(k[1], k[2])
     return float(np.hypot(along, one - other)), float(np.hypot(along, one + other))
 
 
 def _sources(generic, of_bones, SC, thorax, points, rest: str, stand_ins, carried_mm: float) -> dict[str, str]:
-    """One line a number; what was measured says so, with the SD at its end."""
+    """Write the source of each number, one line each. Measured and derived numbers say so, with the SD at the end."""
 
     def of_generic(key: str) -> str:
         return f"assumed: of {generic.name}, not of the person ({generic.source.get(key, 'source not stated')})"

@@ -1,6 +1,6 @@
-"""Sphere and cylinder through points: head and shaft of the humerus, the glenohumeral joint (thesis 4.3.3, 4.3.5).
+"""Sphere and cylinder fitted to points: head and shaft of the humerus, glenohumeral joint (thesis 4.3.3, 4.3.5).
 
-Least squares of the distances to the surface (Tables 4.3 and 4.4).
+The fits minimise the sum of squared distances to the surface (Tables 4.3 and 4.4).
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,8 @@ from jaxtyping import Float
 from models.person.least_squares import Fit, Points, fitted
 
 _FLATTEST = 1e-3
-"""Third singular value of the points over the first: below it they lie in a plane, which every radius fits."""
+"""Ratio of singular values of the points. If the third over the first is smaller, the points lie in a plane, which
+spheres of any radius fit; if the second over the first is, they lie on a line."""
 
 
 @dataclass(frozen=True)
@@ -22,28 +23,29 @@ class Sphere:
     centre_mm: Float[np.ndarray, "3"]
     radius_mm: float
     fit: Fit
-    """x, y, z of the centre, radius."""
+    """Fit of four parameters: x, y, z of the centre relative to the mean point, radius."""
 
     @property
     def volume_cm3(self) -> float:
-        """4/3 pi r^3 (Table 4.8)."""
+        """Volume 4/3 pi r^3 (Table 4.8)."""
         return 4.0 / 3.0 * np.pi * (self.radius_mm / 10.0) ** 3
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The cylinder closest to the points: a point of its axis, the middle of what was measured, and its direction."""
+    """The cylinder closest to the points."""
 
     point_mm: Float[np.ndarray, "3"]
+    """Point on the axis, in the middle of the measured part."""
     direction: Float[np.ndarray, "3"]
-    """Of length 1, upward (y > 0)."""
+    """Unit vector of the axis, upward (y > 0)."""
     radius_mm: float
     fit: Fit
-    """Two shifts across the start's axis, two slopes of the axis, radius."""
+    """Fit of five parameters: two shifts across the initial axis, two slopes of the axis, radius."""
 
 
 def fit_sphere(points_mm: Points) -> Sphere:
-    """Fit a sphere, min sum (|p - c| - r)^2, from the algebraic fit |p|^2 = 2 c.p + (r^2 - |c|^2).
+    """Fit a sphere by min sum (|p - c| - r)^2. Starting point: the algebraic fit |p|^2 = 2 c.p + (r^2 - |c|^2).
 
     ValueError for fewer than four points, or for points in a plane.
     """
@@ -58,9 +60,10 @@ def fit_sphere(points_mm: Points) -> Sphere:
 
 
 def fit_cylinder(points_mm: Points) -> Cylinder:
-    """Fit a cylinder, min sum (distance to the axis - r)^2, from the longest axis of the points and a circle across it.
+    """Fit a cylinder by min sum (distance to the axis - r)^2.
 
-    The shaft measured must be longer than it is wide. ValueError for fewer than five points, or for points on a line.
+    Starting point: the longest axis of the points and a circle across this axis, so the measured shaft must be longer
+    than wide. ValueError for fewer than five points, or for points on a line.
     """
     _check(points_mm, 5, "a cylinder", 1)
     middle = points_mm.mean(axis=1)

@@ -1,4 +1,4 @@
-"""Lengths of a person's bones: medians over postures, with their spread and what a median of so many is worth."""
+"""Lengths of a person's bones: medians over the postures, with the spread of the values and the SD of the median."""
 
 from dataclasses import dataclass
 
@@ -8,21 +8,21 @@ from jaxtyping import Float
 from motions.checks.rigidity import Rigidity
 
 _MEDIAN_SD = 1.2533
-"""SD of the median of n normal values, times sqrt(n) over theirs (sqrt(pi / 2))."""
+"""SD of the median of n normal values, in units of (their SD) / sqrt(n): sqrt(pi / 2)."""
 
 ONE_POSTURE_MM = 3.0
-"""SD of a length palpated once: 1.43 mm for each end (thesis 5.2.1) are 2.0 mm, and skin moves. Assumed."""
+"""SD of a length palpated once, assumed: 1.43 mm per end (thesis 5.2.1) make 2.0 mm, and skin moves."""
 
 
 PALPATOR_MM = 0.96
-"""SD of a palpated coordinate (Pronk's palpator, thesis 5.2.1). Medians over postures do not get below it: a landmark
-that is taken for a place beside it in one posture is so in the others."""
+"""SD of a palpated coordinate (Pronk's palpator, thesis 5.2.1), and lower limit for the SD of a median over postures: a
+place beside the landmark that is mistaken for it in one posture is mistaken for it in the others too."""
 
 PALPATOR_LENGTH_MM = PALPATOR_MM * float(np.sqrt(2.0))
-"""The same of a length between two landmarks."""
+"""SD of a palpated length between two landmarks."""
 
 DEEPEST_MM = -2.0 * ONE_POSTURE_MM
-"""Of TS or AI, as a distance to the thorax: deeper than two SDs of a landmark palpated once, none is inside it."""
+"""Smallest plausible signed distance of TS or AI to the thorax: two SDs of a landmark palpated once, inside it."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Size:
     spread_mm: float
     """SD over the postures; NaN for one posture."""
     sd_mm: float
-    """Of the value, what every posture has alike included."""
+    """SD of the value, including the error that all postures share."""
     postures: int
 
     def __str__(self) -> str:
@@ -43,7 +43,7 @@ class Size:
 
 
 def size_of(values_mm: Float[np.ndarray, " postures"], least_sd_mm: float) -> Size:
-    """Take the median of the postures in which it was measured (the others are NaN), with at least this SD."""
+    """Compute the median over the postures with a value (not NaN); its SD is at least ``least_sd_mm``."""
     known = values_mm[np.isfinite(values_mm)]
     if len(known) == 1:
         return Size(float(known[0]), np.nan, ONE_POSTURE_MM, 1)
@@ -53,9 +53,9 @@ def size_of(values_mm: Float[np.ndarray, " postures"], least_sd_mm: float) -> Si
 
 
 def bone_sizes(rigidity: Rigidity) -> dict[tuple[str, str], Size]:
-    """Take the distances that a bone holds, without the postures in which one of their landmarks slipped.
+    """Compute the distances between landmarks of one bone, without postures in which one of the two is an outlier.
 
-    Pairs that were in no posture measured together are left out.
+    A pair that is sound in no posture keeps all postures. A pair that was never measured together is left out.
     """
     sound = np.where(rigidity.sound(), rigidity.distances_mm, np.nan)
     every = np.where(np.isfinite(sound).any(axis=1, keepdims=True), sound, rigidity.distances_mm)

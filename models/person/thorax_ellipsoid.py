@@ -2,9 +2,9 @@
 
     min D = mean d_k^2   over M_y, M_z, A_x, A_y, A_z, with M_x = 0,
 
-d_k the distance of point k to the surface. The thesis found the closest ellipsoid the best start of an adaptation. The
-points cover a patch, along which M_y and A_y change together (4.3.6):
-their correlation and SDs say how far the patch fixes them.
+where d_k is the distance of point k to the surface. In the thesis, this closest ellipsoid was the best starting point
+of an adaptation. If the points cover only a patch, M_y and A_y trade off (4.3.6); their correlation and SDs say how
+well the patch determines them.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,8 @@ _M_Y, _A_Y = ADAPTED.index("M_y"), ADAPTED.index("A_y")
 
 
 _ON_THE_POINTS_MM2 = 1e-18
-"""D of an ellipsoid that lies on its points, 1e-9 mm off them by the digits of their file: nothing is left to fit."""
+"""Limit of D below which an ellipsoid passes through its points, 1e-9 mm off by rounding in their file, and needs no
+fit."""
 
 
 def thorax_distance_mm2(
@@ -36,8 +37,8 @@ def thorax_distance_mm2(
 ) -> Float[Array, " *batch"]:
     """Compute D, the mean squared distance of the thorax points to the ellipsoid, mm^2.
 
-    ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding. ``levels_mm``: where a point should be, if not
-    on the surface.
+    ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding. ``levels_mm``: target distances of the points
+    to the surface, if not 0.
     """
     spread = girdle.over_postures()
     distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
@@ -45,7 +46,7 @@ def thorax_distance_mm2(
 
 
 def fitted_girdle(girdle: Girdle, points_mm: Points) -> Girdle:
-    """Fit a girdle by :func:`geometric_fit`, as numpy; one whose ellipsoid lies on its points stays as it is."""
+    """Fit a girdle by :func:`geometric_fit`, as numpy; if its ellipsoid lies on the points, return it unchanged."""
     point_weights = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
     if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, point_weights) <= _ON_THE_POINTS_MM2:
         return girdle
@@ -53,10 +54,10 @@ def fitted_girdle(girdle: Girdle, points_mm: Points) -> Girdle:
 
 
 def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdle:
-    """Fit the girdle's ellipsoid to its thorax points, the closest one, min D (thesis 6.2.6, Table 6.6); it stays what
-    it is where no ellipsoid is closest.
+    """Fit the girdle's ellipsoid to its thorax points by min D (thesis 6.2.6, Table 6.6).
 
-    For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.
+    The ellipsoid stays unchanged where no ellipsoid minimises D. The points of the shipped sets lie on the published
+    ellipsoid, so the fit returns this ellipsoid.
     """
     start, weights = girdle.adapted_mm[: len(ELLIPSOID)], jnp.ones(points_mm.shape[1])
     values, found = minimised(_distances, start, points_mm, weights, (girdle,))
@@ -73,25 +74,25 @@ class ThoraxFit:
     centre_mm: Float[np.ndarray, "3"]
     semi_axes_mm: Float[np.ndarray, "3"]
     fit: Fit
-    """In the order of ``ELLIPSOID``."""
+    """Fit of the parameters in the order of ``ELLIPSOID``."""
 
     @property
     def correlation(self) -> float:
-        """Of M_y and A_y."""
+        """Correlation of M_y and A_y."""
         return self.fit.correlation(_M_Y, _A_Y)
 
     @property
     def loose(self) -> tuple[str, ...]:
-        """The parameters that the patch fixes no better than people are alike."""
+        """Parameters whose SD from the fit exceeds their SD between people, so the points do not determine them."""
         names = ADAPTED[: len(ELLIPSOID)]
         return tuple(n for n, sd, known in zip(names, self.fit.sd, PERSON_SD_MM, strict=False) if sd > known)
 
 
 def fit_thorax(points_mm: Points, start: Girdle) -> ThoraxFit:
-    """Fit the ellipsoid to points in the thorax frame, from that of a generic girdle.
+    """Fit the ellipsoid to points in the thorax frame, starting from the ellipsoid of a generic girdle.
 
-    ValueError where there are fewer than ``FEWEST_POINTS``, or where no ellipsoid is closest to them: on a flat patch
-    its axes grow without end.
+    ValueError for fewer than ``FEWEST_POINTS`` points, or where no ellipsoid minimises D: on a flat patch the axes grow
+    without limit.
     """
     if points_mm.shape[1] < FEWEST_POINTS:
         raise ValueError(f"{points_mm.shape[1]} points on the thorax, and the ellipsoid needs {FEWEST_POINTS}")
@@ -106,8 +107,11 @@ def fit_thorax(points_mm: Points, start: Girdle) -> ThoraxFit:
 
 
 def thorax_sd_mm(one: ParameterSet) -> Float[np.ndarray, " adapted"]:
-    """Give the SD of a person's ellipsoid about that of the set: of people, or of the fit to the person's own points
-    where the set says that it is one and that is smaller. The conoid's is that of people."""
+    """Return the SDs of a person's adapted parameters about the set's.
+
+    For the ellipsoid the SD is that between people, or the SD of the fit if the set states that its ellipsoid was
+    fitted to the person's own points and the SD of the fit is smaller. For the conoid length it is that between people.
+    """
     sd = PERSON_SD_MM.copy()
     for k, parameter in enumerate(ELLIPSOID):
         key = f"thorax.{parameter.field}"
@@ -117,7 +121,7 @@ def thorax_sd_mm(one: ParameterSet) -> Float[np.ndarray, " adapted"]:
 
 
 def has_own_thorax(one: ParameterSet) -> bool:
-    """Tell whether the ellipsoid of a set was fitted to points of the person that the set is of."""
+    """Check whether the ellipsoid of a person's set was fitted to this person's own points."""
     return all(one.is_measured(f"thorax.{parameter.field}") for parameter in ELLIPSOID)
 
 

@@ -1,1 +1,1 @@
-"""What measured landmarks and angles cannot be: never seen, no person's size, outliers, swapped labels, other signs."""
+"""Checks of measured landmarks and angles: missing markers, body size, outliers, swapped labels and signs."""

@@ -1,4 +1,4 @@
-"""The frames with the arm lowest: their angles, and whether those could be a person's at rest."""
+"""Comparison of the frames with the arm lowest with people at rest, and warnings about doubtful subjects."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -41,25 +41,28 @@ from motions.table import ANGLES, Motions
 CLAVICLE_X = ANGLES.index("clavicle_x")
 
 LOWEST_SHARE = 0.01
-"""Of the frames, those that may be lower than the lowest elevation: a marker that jumps. None of up to 100."""
+"""Maximum share of the frames that are below the elevation taken as the lowest, because a marker may have jumped there;
+of up to 100 frames, none is."""
 
 NEAR_DEG = 2.0
-"""Frames this much above the lowest elevation are at rest too: the scapula turns by 0.4 degrees a degree of the arm (de
-Groot & Brand 2001), over it by less than a palpated frame scatters."""
+"""Height in degrees above the lowest elevation up to which frames count as rest: within it the scapula, which turns by
+0.4 degrees per degree of the arm (de Groot & Brand 2001), turns by less than the scatter of a palpated frame."""
 
 FARTHEST_DEG: Float[np.ndarray, "6"] = np.array([30.0, 25.0, np.inf, 45.0, 30.0, 30.0])
-"""How far ANGLES at rest may be from REST_DEG. Assumed, generous: eight measured shoulders with the arm at 50 degrees
-or lower are at most 11, 7, 25, 37, 17 and 7 away. The zero of the axial rotation of the clavicle is a convention."""
+"""Maximum deviation of ANGLES at rest from REST_DEG, in degrees. Assumed, generous: eight measured shoulders with the
+arm at 50 degrees or lower deviate by at most 11, 7, 25, 37, 17 and 7. The zero of the clavicle's axial rotation is a
+convention."""
 
 HIGHEST_REST_DEG = 50.0
-"""With the arm never lower than this, the angles at rest say nothing: the scapula alone turns by 20 degrees to here."""
+"""Limit of the elevation with the arm lowest, in degrees: above it the angles are not compared with rest, because the
+scapula alone has turned by 20 degrees there."""
 
 Positions = dict[str, Float[np.ndarray, "3 frames"]]
 FindUnlike = Callable[[Positions], list[str]]
 
 
 class Rest(NamedTuple):
-    """The frames with the arm lowest and the median over them; the elevation is NaN where it was not measured."""
+    """Frames with the arm lowest, and the medians over them; the elevation is NaN where it was not measured."""
 
     rows: Int[np.ndarray, " rows"]
     angles_deg: Float[np.ndarray, "6"]
@@ -67,10 +70,10 @@ class Rest(NamedTuple):
 
 
 def lowest_frames(angles_deg: Float[np.ndarray, "frames 6"], elevation_deg: Float[np.ndarray, " frames"]) -> Rest:
-    """Find the frames with the arm lowest, among those in which most of clavicle and scapula is known.
+    """Find the frames with the arm lowest, among the frames in which most angles of clavicle and scapula are known.
 
-    The first of them stands alone where the humerus was not measured. The axial rotation of the clavicle is not asked
-    for, as it may be an estimate that starts here.
+    If the humerus was not measured, return only the first of these frames. The axial rotation of the clavicle does not
+    count as known, because it may be an estimate that starts here.
     """
     known = np.isfinite(np.delete(angles_deg, CLAVICLE_X, axis=1)).sum(axis=1)
     rows = np.flatnonzero(known == known.max())
@@ -84,11 +87,11 @@ def lowest_frames(angles_deg: Float[np.ndarray, "frames 6"], elevation_deg: Floa
 
 
 def unlike_rest(rest: Rest, landmarks_mm: Mapping[str, Float[np.ndarray, "frames 3"]]) -> list[str]:
-    """Say what of the angles with the arm lowest no person has at rest; and if AI is above TS or GH above AC."""
+    """List what no person has with the arm lowest: angles far from rest, AI above TS, or GH above AC."""
     found = []
     if not rest.elevation_deg > HIGHEST_REST_DEG:
         away = np.abs(rest.angles_deg - REST_DEG)
-        for k in np.flatnonzero(away > FARTHEST_DEG):  # NaN was not measured
+        for k in np.flatnonzero(away > FARTHEST_DEG):  # NaN compares false
             low, high = REST_DEG[k] - FARTHEST_DEG[k], REST_DEG[k] + FARTHEST_DEG[k]
             found.append(f"{ANGLES[k]}_deg is {rest.angles_deg[k]:.0f}, at rest a person's is {low:.0f} to {high:.0f}")
     for above, below in (("TS", "AI"), ("AC", "GH")):
@@ -100,9 +103,9 @@ def unlike_rest(rest: Rest, landmarks_mm: Mapping[str, Float[np.ndarray, "frames
 
 
 def likely_swap(lab_mm: Positions, find_unlike: FindUnlike) -> tuple[str, str] | None:
-    """Find the two landmarks that leave nothing unlike rest when they are exchanged; None if not exactly one pair does.
+    """Find the two landmarks whose exchange leaves nothing unlike rest; None unless exactly one pair does.
 
-    find_unlike: what is unlike rest in these landmarks; InputError if they are not those of a shoulder at all.
+    ``find_unlike`` lists what is unlike rest in given landmarks, or raises InputError if they are no shoulder's at all.
     """
 
     def mends(a: str, b: str) -> bool:
@@ -118,7 +121,7 @@ def likely_swap(lab_mm: Positions, find_unlike: FindUnlike) -> tuple[str, str] |
 def doubt_of_rest(
     file: str, whose: str, rest: Rest, unlike: list[str], swap: tuple[str, str] | None = None
 ) -> InputError:
-    """Say what is unlike rest, and name two landmarks that are likely swapped."""
+    """Make an error about what is unlike rest, which names the two landmarks of ``swap`` as likely swapped."""
     where = (
         "in the first posture" if np.isnan(rest.elevation_deg) else f"with the arm at {rest.elevation_deg:.0f} degrees"
     )
@@ -138,17 +141,18 @@ _OF_TABLE = (
     still_arm,
     total_of_others,
 )
-"""What is doubtful of the postures of one subject, each a cause and a remedy."""
+"""Checks of the postures of one subject; each returns cause and remedy of a doubt, or None."""
 
 MOST_NAMED = 10
-"""Subjects that are warned of by name."""
+"""Maximum number of subjects that are warned of by name."""
 
 _MOST_KEPT = 100_000
-"""Subjects that later ones are compared with, some 20 MB: a run has any number."""
+"""Maximum number of subjects, some 20 MB, with which later ones are compared: a run has any number of subjects."""
 
 
 class SubjectDoubts:
-    """Warns of subjects whose angles are likely not what their names say, each once; beyond MOST_NAMED by number."""
+    """Warnings, once per subject, about angles that are likely not what their names say. Beyond MOST_NAMED subjects,
+    only their number is given."""
 
     def __init__(self) -> None:
         self._seen: set[str] = set()
@@ -158,13 +162,16 @@ class SubjectDoubts:
         self._named = 0
 
     def look_at(self, motions: Motions, files: Mapping[str, str]) -> None:
-        """Warn of subjects with angles that no person has with the arm lowest, with a sign that nobody's course has
-        (another sign, radians, another frame), or with landmarks that are no person's. files: where each stands."""
+        """Warn of subjects with angles or landmarks that no person has.
+
+        Angles are unlike a person's with the arm lowest, or have another course (another sign, radians, another frame).
+        ``files``: the file of each subject.
+        """
         new = [name for name in motions.extra.columns if name not in self._columns]
         self._columns.update(new)
         if doubt := not_read(new):
             warn_input(InputError(next(iter(files.values())), None, *doubt))
-        read = replace(motions, extra=motions.extra[[]])  # what is not read takes a fifth of the time
+        read = replace(motions, extra=motions.extra[[]])  # unchecked extra columns would take a fifth of the time
         for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
             if subject in self._seen:
                 continue
@@ -186,7 +193,7 @@ class SubjectDoubts:
                     warn_input(one)
 
     def end(self, file: str) -> None:
-        """Warn of the number of those that were not named."""
+        """Warn of the number of doubtful subjects that were not named."""
         if self._more:
             cause = f"{self._more} more subjects are like this"
             warn_input(InputError(file, None, cause, "Check signs and units"))
@@ -194,14 +201,14 @@ class SubjectDoubts:
 
 
 def warn_of_subjects(motions: Motions, file: str) -> None:
-    """Warn of subjects as ``SubjectDoubts`` does, of one file."""
+    """Warn of the subjects of one file, as ``SubjectDoubts`` does."""
     doubts = SubjectDoubts()
     doubts.look_at(motions, dict.fromkeys(motions.subjects, file))
     doubts.end(file)
 
 
 def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
-    """What is doubtful in the postures of one subject."""
+    """List the doubts about the postures of one subject."""
     rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
     courses, found = courses_of(mine), []
     signs = wrong_signs(courses)

@@ -1,4 +1,4 @@
-"""AA, the corner of the acromion, under the name of AC: GH then lies before the plane of the scapula."""
+"""Check for AA, the corner of the acromion, under the name of AC: GH then lies in front of the plane of the scapula."""
 
 import numpy as np
 from jaxtyping import Float
@@ -6,16 +6,17 @@ from jaxtyping import Float
 from motions.checks.distances import Positions
 
 FARTHEST_BEFORE_MM = 26.0
-"""Of GH from the plane of AC, TS and AI: 8 mm before and 4 mm behind it in the cadaver of the thesis (Table 4.2), and
-44 mm before the plane through its AA (as the Delft Shoulder and Elbow Model has it); this is halfway."""
+"""Maximum distance of GH in front of the plane of AC, TS and AI, in mm. In the cadaver of the thesis (Table 4.2) GH is
+8 mm before and 4 mm behind this plane, and 44 mm before the plane through AA (taken from the Delft Shoulder and Elbow
+Model); the limit is halfway between 8 and 44."""
 
 REMEDY = "If it is, call it AA and take --aa-to-ac kolz2020: the scapula's frame is turned by some 18 degrees else"
 
 
 def looks_like_corner(positions: Positions) -> str | None:
-    """Say that AC is likely AA, where AA itself was not measured; None where it is not, or GH is not known.
+    """Return a message if AC is likely AA; None if it is not, if AA was measured too, or if GH is not known.
 
-    positions: in any frame with IJ and C7; without these in the frame of the thorax.
+    ``positions`` are in any frame with IJ and C7; without these two, in the thorax frame.
     """
     before_mm = _before_plane_mm(positions)
     if "AA" in positions or before_mm is None or not before_mm > FARTHEST_BEFORE_MM:
@@ -25,7 +26,7 @@ def looks_like_corner(positions: Positions) -> str | None:
 
 
 def _before_plane_mm(positions: Positions) -> float | None:
-    """The median distance of GH before the plane of AC, TS and AI; None where they were never measured together."""
+    """Compute the median distance of GH before the plane of AC, TS and AI; None if never measured together."""
     if not {"AC", "TS", "AI", "GH"} <= positions.keys():
         return None
     AC, TS, AI, GH = (positions[name] for name in ("AC", "TS", "AI", "GH"))

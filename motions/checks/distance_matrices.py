@@ -1,7 +1,7 @@
-"""Two measurements of one bone: what differs between the distances of its points (thesis, chapters 4 and 5).
+"""Distance matrices of two measurements of one bone (thesis, chapters 4 and 5).
 
-The distance matrices are DM_1 and DM_2, and E = DM_1 - DM_2 (Eq. 4.1 and 5.1). A point that is wrong in one of them
-spoils its whole row; the largest subset that agrees is kept.
+The distance matrices are DM_1 and DM_2, and E = DM_1 - DM_2 (Eq. 4.1 and 5.1). A point that is wrong in one measurement
+spoils its whole row of E, so the largest consistent subset of points is kept.
 """
 
 from collections.abc import Sequence
@@ -12,24 +12,27 @@ from jaxtyping import Float
 
 
 def distance_matrix(points: Float[np.ndarray, "3 points"]) -> Float[np.ndarray, "points points"]:
-    """Compute the distances of all points to each other."""
+    """Compute the distances between all points."""
     return np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
 
 
 def difference_matrix(
     one: Float[np.ndarray, "points points"], other: Float[np.ndarray, "points points"]
 ) -> Float[np.ndarray, "points points"]:
-    """Compute E = DM_1 - DM_2 (Eq. 4.1, 5.1): positive where the distance in the first is larger."""
+    """Compute E = DM_1 - DM_2 (Eq. 4.1, 5.1): positive where the distance is larger in the first measurement."""
     return one - other
 
 
 MOST_POINTS = 16
-"""Of which every subset is looked at: 65 000."""
+"""Maximum number of points, of which every subset is searched: 65 000 subsets."""
 
 
 def largest_consistent(differences: Float[np.ndarray, "points points"]) -> tuple[int, ...]:
-    """Find the largest set of points whose differences are all within the mean of the absolute differences (Table 5.1);
-    of several the one that agrees best. ValueError for more than ``MOST_POINTS``, of which there are too many sets."""
+    """Find the largest set of points with all absolute differences within the mean absolute difference (Table 5.1).
+
+    Among sets of equal size, return the one with the smallest mean difference. Raise ValueError for more than
+    ``MOST_POINTS`` points, which have too many subsets.
+    """
     apart = np.abs(differences)
     count = len(apart)
     if count > MOST_POINTS:

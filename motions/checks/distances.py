@@ -1,13 +1,14 @@
-"""Distances between landmarks that a living person has, and which landmark is to blame where some are none.
+"""Ranges of the distances between landmarks in living people, and the landmarks to blame for distances out of range.
 
-**Ranges.** Adults, from about the 0.1st to the 99.9th percentile: mean -+ 3.1 SD of women and of men, widened by 10 mm
-for a landmark that is palpated through the skin and taken beside its place, with 3 mm of noise. Where nobody has
-published a distance, it is assumed about the two measurements of one cadaver (thesis, Table 4.2) and a large and a
-small person.
+**Ranges.** The ranges hold for adults, from about the 0.1st to the 99.9th percentile: mean -+ 3.1 SD of women and of
+men, widened by 10 mm for a landmark that is palpated through the skin beside its true place, with 3 mm of noise. If a
+distance is not published, its range is assumed around the two measurements of one cadaver (thesis, Table 4.2), for a
+large and a small person.
 
-**Children.** A person all of whose distances are short alike is a small one: the ranges shrink with the median of the
-distances over the middles of their ranges, from MATURE down to SMALLEST. At 6-8 years a sternum has 68 %, the thoracic
-spine 73 % of its final length (622 people, 6-18 years, Eur. Spine J. 28 (2019), optoelectronic moulding of the thorax).
+**Children.** A person with all distances short alike is a small one. The ranges shrink with the median ratio of the
+distances to the middles of their ranges, from ``MATURE`` down to ``SMALLEST``. At 6-8 years a sternum has 68 %, the
+thoracic spine 73 % of its final length (622 people, 6-18 years, Eur. Spine J. 28 (2019), optoelectronic moulding of the
+thorax).
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -19,12 +20,12 @@ from jaxtyping import Bool, Float
 
 Pair = tuple[str, str]
 Positions = Mapping[str, Float[np.ndarray, "3 frames"]]
-"""Landmarks by name; NaN is a gap."""
+"""Landmarks by name; NaN where not measured."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """What a distance of adults lies in."""
+    """Range of a distance in adults, with its source."""
 
     low_mm: float
     high_mm: float
@@ -32,16 +33,17 @@ class Range:
 
     @property
     def middle_mm(self) -> float:
+        """Middle of the range."""
         return (self.low_mm + self.high_mm) / 2.0
 
     @property
     def sd_mm(self) -> float:
-        """Three of them reach from the middle to either end."""
+        """SD of the distance: three SD reach from the middle to either end."""
         return (self.high_mm - self.low_mm) / 6.0
 
 
 MIDDLE = "PX_T8"
-"""The middle of PX and T8, where a mapping file gives it in place of the two."""
+"""Name of the midpoint of PX and T8, if a mapping file gives it instead of the two."""
 
 _TABLE_4_2 = "assumed about thesis Table 4.2, where it is"
 
@@ -92,53 +94,56 @@ RANGES: dict[Pair, Range] = {
     ("GH", "EL"): Range(200.0, 360.0, "as GH-EM"),
     ("EM", "EL"): Range(35.0, 115.0, f"{_TABLE_4_2} 68 and 66 mm; markers stand on the skin"),
 }
-"""Of adults, mm."""
+"""Ranges in adults, mm."""
 
 MATURE, SMALLEST = 0.85, 0.5
-"""Share of an adult's size: from the former the ranges are those of adults, below the latter it is no person."""
+"""Sizes of a person as a share of an adult's: from ``MATURE`` on the ranges are an adult's, and below ``SMALLEST`` the
+landmarks are no person's."""
 
 LARGEST = 1.5
-"""Share of an adult's size beyond which it is no person."""
+"""Size, as a share of an adult's, above which the landmarks are no person's."""
 
 UNDECIDED = 9.0
-"""Sum of squares, as (3 SD)^2, by which one explanation has to be better than the next to stand alone."""
+"""Difference of sums of squares, (3 SD)^2, by which an explanation must be better than the next to stand alone."""
 
 _MOST_BLAMED = 3
-"""Landmarks that are wrong at once; with more, all that are in a bad distance are named."""
+"""Maximum number of landmarks wrong at once; beyond it, all landmarks of bad distances are named."""
 
 
 def distances_mm(positions: Positions, pairs: Iterable[Pair]) -> Float[np.ndarray, "pairs frames"]:
-    """Compute the distances of pairs of landmarks; NaN in a gap of one of them."""
-    with np.errstate(over="ignore"):  # what is that far away is no landmark
+    """Compute the distances of pairs of landmarks; NaN where one was not measured."""
+    with np.errstate(over="ignore"):  # positions so far away are no landmarks
         return np.stack([np.linalg.norm(positions[a] - positions[b], axis=0) for a, b in pairs])
 
 
 def size_of(medians_mm: Mapping[Pair, float]) -> float:
-    """Give the size of the person as a share of an adult's: the median of the distances over their middles, or 1."""
+    """Compute the size of the person as a share of an adult's: the median ratio of distances to the middles of their
+    ranges; 1 if no distance is known."""
     if not medians_mm:
         return 1.0
     return float(np.median([mm / RANGES[pair].middle_mm for pair, mm in medians_mm.items()]))
 
 
 def size_of_ranges(size: float) -> float:
-    """Give the factor of the ranges for a person of this size: 1 but for a child."""
+    """Return the factor of the ranges for a person of this size: below 1 only for a child."""
     return max(size, SMALLEST) if size < MATURE else 1.0
 
 
 def in_range(
     pairs: Iterable[Pair], mm: Float[np.ndarray, " pairs *frames"], factor: float
 ) -> Bool[np.ndarray, " pairs *frames"]:
-    """Tell which distances a person has; NaN is none."""
+    """Check which distances are within their ranges times ``factor``; NaN is not."""
     low, high = np.array([(RANGES[pair].low_mm, RANGES[pair].high_mm) for pair in pairs]).T * factor
     shape = (-1,) + (1,) * (mm.ndim - 1)
     return (mm >= low.reshape(shape)) & (mm <= high.reshape(shape))
 
 
 def blamed(bad: Collection[frozenset[str]], off: Mapping[Pair, float]) -> list[tuple[str, ...]]:
-    """Find the landmarks that explain bad distances: the fewest that are in all of them.
+    """Find the landmarks that explain bad distances: the smallest sets with a landmark in each of these distances.
 
-    off: how far each distance is from its own, in SD. Of as few landmarks those are taken without which the others are
-    nearest to their own; all that are not worse than these by UNDECIDED are given, the best first.
+    ``off`` is the deviation of each distance from its expected value, in SD. Among sets of equal size, the best one
+    leaves the smallest sum of squared deviations of the other distances. Return all sets that are not worse by
+    ``UNDECIDED``, the best first.
     """
     names = sorted({name for one in bad for name in one})
     for count in range(1, _MOST_BLAMED + 1):

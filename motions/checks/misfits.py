@@ -1,4 +1,4 @@
-"""A whole trial whose landmarks are no person's: which are to blame, whether two are swapped, which unit it may be."""
+"""Check of a whole trial for landmarks that no person has: which are to blame or swapped, and which unit is likely."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -25,56 +25,59 @@ from motions.checks.distances import (
 THORAX = ("IJ", "PX", "C7", "T8")
 
 MIDLINE_MM = 40.0
-"""Of PX and T8 from the plane through IJ, C7 and their own middle: these four lie in the midline. Table 4.2 has 10 mm;
-a curved spine (scoliosis) puts T8 some centimetres beside it. Assumed: 40 mm turn the thorax by 12 degrees."""
+"""Maximum distance in mm of PX and T8 from the plane through IJ, C7 and the midpoint of PX and T8: all four lie in the
+midline. Table 4.2 has 10 mm; a curved spine (scoliosis) puts T8 some centimetres beside it. Assumed: 40 mm turn the
+thorax by 12 degrees."""
 
 
 SHOULDER = ("SC", "AC", "AA", "TS", "AI", "GH")
 """Landmarks that stay on their side of the midline, however the arm moves."""
 
 BEYOND_MM, SC_BEYOND_MM = 20.0, 5.0
-"""On the other side of the midline no landmark of a shoulder is: but for errors of the midline, which goes through IJ
-beside SC (Table 4.2: 20 and 21 mm)."""
+"""Maximum distances in mm beyond the midline: of a landmark of the shoulder, and of SC. Only errors of the midline
+itself, which goes through IJ, put a landmark beyond it; SC lies beside IJ (Table 4.2: by 20 and 21 mm)."""
 
 _BESIDE_IT: Pair = ("IJ", "SC")
-"""Exchanged, SC is where that of the other shoulder is, but for some millimetres. The midline through IJ tilts then."""
+"""Landmarks whose exchange puts SC within millimetres of the other shoulder's SC, and tilts the midline through IJ."""
 
 _TILT_MM = 6.0
-"""Of PX from the midline, to the side without the shoulder: in the cadaver of the thesis (Table 4.2) 15 mm by MRI, 31
-by dissection with IJ and SC exchanged, else 2 and 10. Below it, exchanged ones are rare."""
+"""Distance in mm of PX from the midline, away from the shoulder, above which IJ and SC may be exchanged. In the cadaver
+of the thesis (Table 4.2) it is 15 by MRI and 31 by dissection with IJ and SC exchanged, 2 and 10 otherwise. Below the
+limit an exchange is rare."""
 
 _OF_ACROMION: Pair = ("AC", "AA")
 
 _MOST_SAID = 8
-"""Distances in a message."""
+"""Maximum number of distances in a message."""
 
 _LEAST_AREA_MM2 = 1.0
-"""Three points on a line span no plane, and nothing is beside it."""
+"""Lower bound (mm^2) of the length by which a normal is divided: points on a line span no plane, and no landmark is
+then beside it."""
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """What no person has, and the landmarks that would explain it."""
+    """Distances and positions that no person has, and the landmarks that would explain them."""
 
     said: tuple[str, ...]
-    """Such as 'TS is 229 mm from AC, in people 80 to 170'."""
+    """Messages, such as 'TS is 229 mm from AC, in people 80 to 170'."""
     blamed: tuple[tuple[str, ...], ...]
-    """Landmarks that explain it together; several where it is not decided."""
+    """Sets of landmarks that each explain all messages; several if it is undecided which."""
     swapped: Pair | None
-    """The two that leave nothing of this when they are exchanged, and a likelier person than any others do."""
+    """Pair of landmarks whose exchange leaves no misfit, and a likelier person than any other exchange."""
     or_swapped: Pair | None = None
-    """Two that may be swapped instead, of which one is blamed."""
+    """Pair of landmarks that may be swapped instead, of which one is blamed."""
 
     @property
     def cause(self) -> str:
-        """Say what is wrong."""
+        """Text about what is wrong."""
         more = f"; and {len(self.said) - _MOST_SAID} more" if len(self.said) > _MOST_SAID else ""
         listed = "; ".join(self.said[:_MOST_SAID]) + more
         return listed if self.swapped else f"{self._blame} cannot be right: {listed}"
 
     @property
     def remedy(self) -> str:
-        """Say what to do."""
+        """Text about what to do."""
         if self.swapped:
             return f"Are {self.swapped[0]} and {self.swapped[1]} swapped? With them exchanged nothing of this is left"
         look = f"Look at {self._blame}: is the marker lost, another one, of the other shoulder, or in another unit?"
@@ -86,13 +89,13 @@ class Misfit:
 
     @property
     def landmarks(self) -> tuple[str, ...]:
-        """All that may be wrong."""
+        """All landmarks that may be wrong."""
         return tuple(dict.fromkeys(name for names in self.blamed for name in names))
 
 
 def misfit(positions: Positions) -> Misfit | None:
     """Find what no person has in the medians over a trial (see ``motions.checks.distances``); None if nothing."""
-    with np.errstate(over="ignore", invalid="ignore"):  # of what is as far away as numbers go
+    with np.errstate(over="ignore", invalid="ignore"):  # coordinates may be as large as floats go
         return _misfit(positions)
 
 
@@ -104,7 +107,7 @@ def _misfit(positions: Positions) -> Misfit | None:
     off = _off(medians)
     blame = blamed(list(bad), off)
     without = sum(z * z for pair, z in off.items() if not set(pair) & set(blame[0]))
-    beyond = len(blame) == 1 and frozenset(blame[0]) in bad  # of the other shoulder: an exchange may mend it by chance
+    beyond = len(blame) == 1 and frozenset(blame[0]) in bad  # across the midline: an exchange may mend it by chance
     if beyond and blame[0] == ("SC",) and _tilts(positions) and _mends(positions, medians, _BESIDE_IT):
         return Misfit(tuple(bad.values()), (("SC",), ("IJ",)), None, _BESIDE_IT)
     if _angle_before_joint(positions) and _mends(positions, medians, _OF_ACROMION):
@@ -113,7 +116,7 @@ def _misfit(positions: Positions) -> Misfit | None:
 
 
 def medians_mm(positions: Positions) -> dict[Pair, float]:
-    """Take the median of each distance over the frames; without those that were in no frame measured together."""
+    """Compute the median of each distance over the frames, leaving out pairs that were never measured together."""
     pairs = [pair for pair in RANGES if all(name in positions for name in pair)]
     if not pairs:
         return {}
@@ -124,12 +127,15 @@ def medians_mm(positions: Positions) -> dict[Pair, float]:
 
 
 def any_of(row: np.ndarray) -> bool:
-    """Tell whether something in the row was measured."""
+    """Check whether any value of the row was measured."""
     return bool(np.isfinite(row).any())
 
 
 def likely_unit(positions: Positions, factors: Mapping[str, float]) -> str | None:
-    """Give the unit, by its factor, in which the distances would be a person's where they are not; else None."""
+    """Return the first unit in ``factors`` that makes distances of no person's size a person's.
+
+    Return None if no unit does, or if the size is a person's already.
+    """
     medians = medians_mm(positions)
     if SMALLEST <= size_of(medians) <= LARGEST:
         return None
@@ -137,7 +143,7 @@ def likely_unit(positions: Positions, factors: Mapping[str, float]) -> str | Non
 
 
 def _bad(positions: Positions, medians: Mapping[Pair, float]) -> dict[frozenset[str], str]:
-    """The landmarks of each bad distance, or of another thing that no person has, and what is said of it."""
+    """Return the messages about all that no person has, keyed by the landmarks of each."""
     factor = size_of_ranges(size_of(medians))
     pairs = list(medians)
     good = in_range(pairs, np.array(list(medians.values())), factor)
@@ -149,13 +155,13 @@ def _bad(positions: Positions, medians: Mapping[Pair, float]) -> dict[frozenset[
     }
     wrong = {name for names in found for name in names}
     if not {"IJ", "C7"} <= set(positions) or wrong & {*THORAX, MIDDLE}:
-        return found  # no plane, or none that is one
+        return found  # no midline plane, or a wrong one
     found |= _angle_before_joint(positions)
     return found | _beside_midline(positions) | _other_shoulder(positions)
 
 
 def _across(positions: Positions) -> Float[np.ndarray, "3 frames"]:
-    """The unit vector to the right or left: across the plane of IJ, C7 and the middle of PX and T8. IJ is in it."""
+    """Compute the unit normal, to the right or left, of the plane through IJ, C7 and the midpoint of PX and T8."""
     IJ, C7 = positions["IJ"], positions["C7"]
     middle = positions[MIDDLE] if MIDDLE in positions else (positions["PX"] + positions["T8"]) / 2.0
     across = np.cross(C7 - IJ, middle - IJ, axis=0)
@@ -173,7 +179,7 @@ def _beside_midline(positions: Positions) -> dict[frozenset[str], str]:
 
 
 def _lateral_mm(positions: Positions, names: Iterable[str]) -> dict[str, float]:
-    """How far landmarks are from the midline, to one side; without those that were not measured with the thorax."""
+    """Compute signed distances in mm from the midline; landmarks never measured with the thorax are left out."""
     across, found = _across(positions), {}
     for name in names:
         if name in positions:
@@ -184,7 +190,7 @@ def _lateral_mm(positions: Positions, names: Iterable[str]) -> dict[str, float]:
 
 
 def _other_shoulder(positions: Positions) -> dict[frozenset[str], str]:
-    """Landmarks that are not on the side of the midline on which most of the shoulder is."""
+    """Find landmarks that are not on the side of the midline where most of the shoulder is."""
     lateral = _lateral_mm(positions, SHOULDER)
     side = np.sign(np.median([*lateral.values()])) if lateral else 0.0
     return {
@@ -195,7 +201,7 @@ def _other_shoulder(positions: Positions) -> dict[frozenset[str], str]:
 
 
 def _angle_before_joint(positions: Positions) -> dict[frozenset[str], str]:
-    """AA, behind and beside AC, is farther from IJ than AC is."""
+    """Find an AA that is nearer to IJ than AC is: behind and beside AC, it is farther from IJ in people."""
     if not {"IJ", "AC", "AA"} <= set(positions):
         return {}
     joint, corner = distances_mm(positions, [("IJ", "AC"), ("IJ", "AA")])
@@ -206,13 +212,13 @@ def _angle_before_joint(positions: Positions) -> dict[frozenset[str], str]:
 
 
 def _off(medians: Mapping[Pair, float]) -> dict[Pair, float]:
-    """How far each distance is from the middle of its range, in SD of a person of this size."""
+    """Compute the deviation of each distance from the middle of its range, in SD of a person of this size."""
     factor = size_of_ranges(size_of(medians))
     return {pair: (mm / factor - RANGES[pair].middle_mm) / RANGES[pair].sd_mm for pair, mm in medians.items()}
 
 
 def _tilts(positions: Positions) -> bool:
-    """Tell whether PX lies so far beside the midline that IJ may lie beside it."""
+    """Check whether PX lies so far beside the midline that IJ may lie beside it."""
     if MIDDLE in positions:
         return True
     lateral = _lateral_mm(positions, ("PX", *SHOULDER[1:]))
@@ -221,16 +227,17 @@ def _tilts(positions: Positions) -> bool:
 
 
 def _mends(positions: Positions, as_they_are: Mapping[Pair, float], pair: Pair) -> dict[Pair, float] | None:
-    """The distances with two landmarks exchanged, if no bad one is left then."""
+    """Return the median distances after an exchange of two landmarks if no misfit is left then; else None."""
     exchanged = {**positions, pair[0]: positions[pair[1]], pair[1]: positions[pair[0]]}
     medians = medians_mm(exchanged)
     return medians if set(medians) == set(as_they_are) and not _bad(exchanged, medians) else None
 
 
 def _swapped(positions: Positions, as_they_are: Mapping[Pair, float], without: float) -> Pair | None:
-    """The two whose exchange mends all.
+    """Find the pair whose exchange leaves no misfit.
 
-    None where others do as well, or where the person is likelier ``without`` the landmarks that are blamed.
+    Return None if there is no such pair, if another pair is nearly as likely, or if the person is likelier without the
+    blamed landmarks: ``without`` is the sum of squares of the distances that are then left.
     """
     likely: dict[Pair, float] = {}
     for pair in combinations(positions, 2):

@@ -1,4 +1,4 @@
-"""What a table of postures shows by itself: cells or rows copied, radians, a posture out of line, rows of totals."""
+"""Checks of a table of postures by itself: copied cells or rows, radians, postures out of line, rows of totals."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,48 +15,50 @@ Doubt = tuple[str, str]
 """Cause and remedy."""
 
 LARGEST_RADIANS = 1.0
-"""No clavicle is elevated or turned, and no scapula tipped, by more. In degrees, an angle that stays below it while the
-arm rises by 60 has less than the noise of a measurement and a tenth of its course in people."""
+"""Maximum of the elevation and axial rotation of a clavicle and of the tipping of a scapula, in radians. An angle in
+degrees that stays below 1 while the arm rises by 60 changes by less than the noise of a measurement, and by less than a
+tenth of its course in people."""
 
 _IN_RADIANS: dict[str, float] = {
     **dict.fromkeys(("clavicle_z", "clavicle_x", "scapula_x"), LARGEST_RADIANS),
     **dict.fromkeys(("clavicle_y", "scapula_y", "scapula_z"), float(np.pi)),
 }
-"""What angles stay within in radians. Of motion files those with the last three are refused
+"""Maximum of each angle in radians. Motion files with one of the last three in radians are refused
 (``motions.motion_csv.unit_and_side``)."""
 
 _FEWEST_VALUES = 3
 
 FEWEST_STILL = 5
-"""Values; fewer may be alike by chance or by hand."""
+"""Minimum number of values: fewer may be equal by chance or by hand."""
 
 OUT_OF_LINE_DEG, MOST_OUT_DEG = 20.0, 45.0
-"""Of a posture from the middle of its neighbours, beyond what the elevation changes to a neighbour (no girdle turns
-faster than the arm), and in any case. Measured motions have up to 2, simulated ones none."""
+"""Maximum deviations in degrees of a posture from the mean of its two neighbours: the first in addition to the change
+of elevation to a neighbour (no girdle turns faster than the arm), the second in any case. Measured motions have up to 2
+in addition, simulated ones none."""
 
 BESIDE_DEG, MOST_BESIDE_DEG = 50.0, 90.0
-"""The same of the first or last posture with the arm low from the one neighbour. Measured: up to 6; simulated girdles
-that jump to another branch: up to 47, with the arm high more."""
+"""Maximum deviations in degrees, in the same sense, of a first or last posture with the arm low from its one neighbour.
+Measured: up to 6; simulated girdles that jump to another branch: up to 47, and more with the arm high."""
 
 COPIED_ELEVATION_DEG = 5.0
-"""Over which six measured angles are never the same to the last digit."""
+"""Change of elevation in degrees over which six measured angles never stay equal to the last digit."""
 
 BEYOND_ARM_DEG = 25.0
-"""By how much more the scapula turns laterally in a motion than the arm rises. Measured: up to 13, in horizontal
-flexion and axial rotation."""
+"""Maximum excess, in degrees, of the scapula's lateral rotation over the arm's elevation in a motion. Measured: up to
+13, in horizontal flexion and axial rotation."""
 
 _TOTALS = frozenset(["mean", "average", "avg", "total", "totals", "sum", "sd", "std", "stdev", "median", "min", "max"])
-"""Names of rows that a spreadsheet computes, in any case of their letters."""
+"""Names, in upper or lower case, of rows that a spreadsheet computes."""
 
 _MOST_SAID = 3
-"""Postures in a message."""
+"""Maximum number of postures in a message."""
 
 _NEARLY = re.compile(rf"({'|'.join(LANDMARKS)})[ _]?[xyz]([ _]?[(\[]?(mm|cm|m|inch)[)\]]?)?", re.IGNORECASE)
-"""A column of a position that is not named ``SC_x_mm``."""
+"""Name of a position column in another form than ``SC_x_mm``."""
 
 
 def not_read(columns: Iterable[str]) -> Doubt | None:
-    """Find columns that are kept as they are and were likely meant as positions."""
+    """Find columns that are not interpreted and were likely meant as positions."""
     found = [name for name in columns if _NEARLY.fullmatch(name.strip())]
     if not found:
         return None
@@ -64,7 +66,7 @@ def not_read(columns: Iterable[str]) -> Doubt | None:
 
 
 def zero_or_radians(mine: Motions) -> Doubt | None:
-    """Find angles that are 0 throughout, or small while the arm moves."""
+    """Find angles that are 0 in every posture, or small while the arm moves."""
     known = _known_angles(mine, _FEWEST_VALUES)
     zero = [f"{angle}_deg" for angle, values in known.items() if not values.any()]
     if zero and len(zero) < len(known):
@@ -84,7 +86,7 @@ def zero_or_radians(mine: Motions) -> Doubt | None:
 
 
 def stands_still(mine: Motions) -> Doubt | None:
-    """Find angles other than 0 that are the same in every posture while the arm moves."""
+    """Find angles other than 0 that are equal in every posture while the arm moves."""
     if not arm_moves(mine):
         return None
     known = _known_angles(mine, FEWEST_STILL)
@@ -96,23 +98,25 @@ def stands_still(mine: Motions) -> Doubt | None:
 
 
 def _known_angles(mine: Motions, fewest: int) -> dict[str, Float[np.ndarray, " known"]]:
-    """What was measured of each angle of which there are so many values."""
+    """Return the measured values of each angle that has at least ``fewest`` of them."""
     known = {angle: values[np.isfinite(values)] for angle, values in zip(ANGLES, mine.angles_deg.T, strict=True)}
     return {angle: values for angle, values in known.items() if len(values) >= fewest}
 
 
 def arm_moves(mine: Motions) -> bool:
-    """Tell whether the elevations of a subject are far apart."""
+    """Check whether the elevations of a subject span ``LARGE_MOTION_DEG``."""
     elevation = mine.humerus_elevation_deg[np.isfinite(mine.humerus_elevation_deg)]
     return bool(len(elevation)) and bool(np.ptp(elevation) >= LARGE_MOTION_DEG)
 
 
 def out_of_line(mine: Motions) -> Doubt | None:
-    """Find angles far from both neighbours in the motion, which are alike, or, with the arm low at an end, from the
-    one: a sign, a digit, or a marker."""
+    """Find angles far from their neighbours in a motion: from two alike ones, or from one at an end with the arm low.
+
+    The cause is a wrong sign, digit or marker.
+    """
     found = []
     for motion, rows in _in_order(mine):
-        if len(rows) < 3:  # none has two neighbours
+        if len(rows) < 3:  # no posture has two neighbours
             continue
         angles, steps = mine.angles_deg[rows], np.abs(np.diff(mine.humerus_elevation_deg[rows]))
         steps = np.where(np.isnan(steps), np.inf, steps)
@@ -138,8 +142,10 @@ def out_of_line(mine: Motions) -> Doubt | None:
 
 
 def nothing_of_bone(mine: Motions) -> Doubt | None:
-    """Find postures in which no angle of a bone exceeds pi: zeros, radians, or angles from rest. In every measured and
-    simulated posture one of the clavicle exceeds 9 degrees, and one of the scapula 13."""
+    """Find postures in which no angle of a bone exceeds pi: zeros, radians, or angles from rest.
+
+    In every measured and simulated posture, one angle of the clavicle exceeds 9 degrees and one of the scapula 13.
+    """
     found = []
     for bone, part in BONES.items():
         angles = np.abs(mine.angles_deg[:, part])
@@ -155,7 +161,7 @@ def nothing_of_bone(mine: Motions) -> Doubt | None:
 
 
 def copied_rows(mine: Motions) -> Doubt | None:
-    """Find postures with all angles of the one before although the arm moved, and motions of one posture throughout."""
+    """Find postures with all angles of the previous one although the arm moved, and motions of one constant posture."""
     found = []
     for motion, rows in _in_order(mine):
         angles, elevation = np.nan_to_num(mine.angles_deg[rows], nan=np.inf), mine.humerus_elevation_deg[rows]
@@ -165,8 +171,8 @@ def copied_rows(mine: Motions) -> Doubt | None:
         if len(rows) >= _FEWEST_VALUES and same.all():
             found.append(f"all {len(rows)} postures of {motion!r} are the same")
             continue
-        moved = np.abs(np.diff(elevation)) >= COPIED_ELEVATION_DEG  # NaN is not
-        moved &= _has_digits(mine.angles_deg[rows[1:]], 0)  # rounded to degrees they may be the same
+        moved = np.abs(np.diff(elevation)) >= COPIED_ELEVATION_DEG  # NaN compares false
+        moved &= _has_digits(mine.angles_deg[rows[1:]], 0)  # angles in whole degrees may stay equal
         frozen = same & _has_digits(mine.angles_deg[rows[1:]], 2)
         if frozen.sum() + 1 >= FEWEST_STILL and not (same & moved).any():
             found.append(f"{frozen.sum()} postures of {motion!r} are the same as the one before")
@@ -179,17 +185,20 @@ def copied_rows(mine: Motions) -> Doubt | None:
 
 
 def _has_digits(angles_deg: Float[np.ndarray, "n 6"], decimals: int) -> Bool[np.ndarray, " n"]:
-    """Tell where an angle has more decimals than these: a person who stands still then has other ones."""
+    """Check which postures have an angle with more than ``decimals`` decimals.
+
+    Such an angle differs between postures even for a person who stands still.
+    """
     off = np.nan_to_num(np.abs(angles_deg - np.round(angles_deg, decimals)))
     return off.max(axis=1) > _ROUNDING
 
 
 _ROUNDING = 1e-9
-"""Degrees: of a decimal number as a float."""
+"""Rounding error, in degrees, of a decimal number as a float."""
 
 
 def motions_alike(mine: Motions) -> Doubt | None:
-    """Find two motions with the same angles to the last digit: of held-out ones, one then predicts the other."""
+    """Find two motions with the same angles to the last digit: if one is held out, the other one predicts it."""
     first: dict[bytes, str] = {}
     for motion, rows in _in_order(mine):
         angles = mine.angles_deg[rows]
@@ -201,7 +210,7 @@ def motions_alike(mine: Motions) -> Doubt | None:
 
 
 def angles_of(mine: Motions) -> int | None:
-    """Give a number that two subjects share who have the same angles to the last digit; None of few postures."""
+    """Return a number that is equal for two subjects with the same angles to the last digit; None for few postures."""
     return hash(np.ascontiguousarray(mine.angles_deg).tobytes()) if len(mine.posture) >= FEWEST_STILL else None
 
 
@@ -216,30 +225,30 @@ def still_arm(mine: Motions) -> Doubt | None:
 
 
 def total_of_others(mine: Motions) -> Doubt | None:
-    """Find a subject or a motion that is named as a row of totals is."""
+    """Find a subject or a motion with the name of a row of totals."""
     found = [name for name in (*mine.subjects, *dict.fromkeys(mine.motion.tolist())) if name.lower() in _TOTALS]
     return (f"{found[0]!r} reads like a row of totals", "Delete it: it counts as measured") if found else None
 
 
 def _in_order(mine: Motions) -> Iterator[tuple[str, Int[np.ndarray, " rows"]]]:
-    """The rows of each motion, in the order of its postures."""
+    """Yield each motion with its rows, in the order of its postures."""
     for motion in dict.fromkeys(mine.motion.tolist()):
         rows = np.flatnonzero(mine.motion == motion)
         yield motion, rows[np.argsort(mine.posture[rows], kind="stable")]
 
 
 def posture_of(mine: Motions, row: int) -> str:
-    """Name a posture."""
+    """Write which posture this is, for a message."""
     return f"in posture {mine.posture[row]} of {mine.motion.item(row)!r}"
 
 
 def some_of(found: Sequence[str]) -> str:
-    """List the first of what was found, and the number of the others."""
+    """Join the first messages, and add the number of the others."""
     more = f"; and {len(found) - _MOST_SAID} more" if len(found) > _MOST_SAID else ""
     return "; ".join(found[:_MOST_SAID]) + more
 
 
 def _range(values: Float[np.ndarray, " n"]) -> float:
-    """From the least to the largest; NaN with fewer than three known."""
+    """Compute the range of the known values; NaN if fewer than three are known."""
     known = values[np.isfinite(values)]
     return float(np.ptp(known)) if len(known) >= _FEWEST_VALUES else np.nan

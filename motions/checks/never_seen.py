@@ -1,4 +1,4 @@
-"""A marker that was not seen, as capture software writes it: at (0, 0, 0), kilometres away, or still at one place."""
+"""Detection of markers that were not seen, which software writes at (0, 0, 0), kilometres away or at a fixed place."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,45 +8,61 @@ from jaxtyping import Bool, Float
 Positions = dict[str, Float[np.ndarray, "3 frames"]]
 
 ORIGIN = "IJ"
-"""The landmark that is the origin of the thorax frame: in a file of that frame it is (0, 0, 0) in every frame."""
+"""Landmark at the origin of the thorax frame: a file in that frame has it at (0, 0, 0) throughout."""
+
+_OF_THORAX = (ORIGIN, "PX", "C7", "T8", "SC")
 
 COMPANIONS = (
-    ("IJ", "PX", "C7", "T8", "SC"),
+    _OF_THORAX,
     ("SC", "AC"),
     ("AC", "AA", "TS", "AI", "GH"),
     ("GH", "EM", "EL"),
 )
-"""Landmarks that move together: those of a bone with those of its joints."""
+"""Groups of landmarks that move together: the landmarks of a bone with those of its joints."""
 
 FARTHEST_MM = 16_000.0
-"""No laboratory is 16 m from its origin to a side; -16512 and 9999999 stand for a marker that was not seen."""
+"""Maximum coordinate in mm: no laboratory extends 16 m from its origin. -16512 and 9999999 mean a missing marker."""
 
 FEWEST_FRAMES = 3
-"""Frames at exactly the same place, of which two may be so by rounding."""
+"""Minimum number of successive frames at exactly the same place: two may be equal by rounding."""
 
 
 MOVED_MM = 1.0
-"""How far all that moves with a landmark goes while it stands still. Less is the noise of a body at rest, rounded by
-the file, and does not matter."""
+"""Minimum distance (mm) that each landmark that moves with a missing one goes while the missing one stands still.
+Smaller movements are noise of a body at rest, rounded by the file, and do not matter."""
+
+_STILL_MM = 20.0
+"""Maximum movement (mm) of the thorax's landmarks in the thorax frame: noise of the skin, and the movement of SC. A
+landmark that goes farther was exchanged with another."""
 
 
 def never_seen(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str, Bool[np.ndarray, " frames"]]:
-    """Tell in which frames each landmark has a position that says that it was not seen; NaN is not among them.
+    """Find, for each landmark, the frames in which its position means 'not seen'; frames with NaN are not among them.
 
-    It is so at exactly (0, 0, 0), but for IJ where it is so in every frame; beyond FARTHEST_MM; and where it stays at
-    exactly one place while all landmarks that move with it go by MOVED_MM, and the thorax (IJ), still in its own frame.
+    Such a position is
+
+    - exactly (0, 0, 0), except for IJ if IJ is there in every frame;
+    - beyond ``FARTHEST_MM``;
+    - exactly one place while IJ and all landmarks that move with this one go by ``MOVED_MM``. In the thorax frame the
+      thorax stands still and does not count.
     """
+    thorax = [lab_mm[name] for name in _OF_THORAX if name in lab_mm]
+    in_thorax_frame = ORIGIN in lab_mm and not lab_mm[ORIGIN].any()
+    if ORIGIN not in lab_mm or (in_thorax_frame and any(_goes_mm(place) > _STILL_MM for place in thorax)):
+        return {name: _unseen(name, place) for name, place in lab_mm.items()}
     found = {}
     for name, place in lab_mm.items():
         groups = [group for group in COMPANIONS if name in group]
         others = {other for group in (*groups, (ORIGIN,)) for other in group if other != name}
-        moving = [lab_mm[other] for other in sorted(others) if other in lab_mm] if ORIGIN in lab_mm else []
+        if in_thorax_frame:
+            others = set() if name in _OF_THORAX else others.difference(_OF_THORAX)
+        moving = [lab_mm[other] for other in sorted(others) if other in lab_mm]
         found[name] = _unseen(name, place) | _held(place, moving)
     return found
 
 
 def never_seen_of_cluster(markers_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str, np.ndarray]:
-    """Tell in which frames each marker of a cluster was not seen, as ``never_seen``: all of them move together."""
+    """Find the frames in which each marker of a cluster was not seen, like ``never_seen``: all markers move as one."""
     return {
         name: _unseen(name, place) | _held(place, [other for also, other in markers_mm.items() if also != name])
         for name, place in markers_mm.items()
@@ -57,14 +73,16 @@ def _unseen(name: str, place: Float[np.ndarray, "3 frames"]) -> Bool[np.ndarray,
     zero = (place == 0.0).all(axis=0)
     if name == ORIGIN and zero.all():
         zero = np.zeros_like(zero)
-    return zero | (np.abs(place) > FARTHEST_MM).any(axis=0)  # NaN is no larger
+    return zero | (np.abs(place) > FARTHEST_MM).any(axis=0)  # NaN compares false
 
 
 def _held(
     place: Float[np.ndarray, "3 frames"], others: Sequence[Float[np.ndarray, "3 frames"]]
 ) -> Bool[np.ndarray, " frames"]:
-    """In which frames a landmark stands still, while none of the others does and all go by MOVED_MM: one that is still
-    with others is where the body is still."""
+    """Find the frames in which a landmark stands still while no other does and all go by ``MOVED_MM``.
+
+    Landmarks that stand still together show that the body stands still.
+    """
     found = np.zeros(place.shape[1], bool)
     for first, last in _runs_at_one_place(place):
         go_mm = [_goes_mm(other[:, first : last + 1]) for other in others]
@@ -76,13 +94,13 @@ def _held(
 
 
 def _runs_at_one_place(place: Float[np.ndarray, "3 frames"]) -> list[tuple[int, int]]:
-    """The first and the last of FEWEST_FRAMES or more in a row in which a landmark is at exactly one place."""
+    """List the first and last frame of each run of at least FEWEST_FRAMES with a landmark at exactly one place."""
     same = (place[:, 1:] == place[:, :-1]).all(axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int))).reshape(-1, 2).tolist()
     return [(first, last) for first, last in edges if last + 1 - first >= FEWEST_FRAMES]
 
 
 def _goes_mm(place: Float[np.ndarray, "3 frames"]) -> float:
-    """How far a landmark goes along an axis; NaN where it was not measured."""
+    """Compute the largest range of a landmark along an axis, in mm; NaN if it was not measured."""
     known = place[:, np.isfinite(place).all(axis=0)]
     return float(np.ptp(known, axis=1).max()) if known.shape[1] else np.nan

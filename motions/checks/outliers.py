@@ -1,14 +1,15 @@
-"""Frames in which a landmark is not where its bone says, or two have exchanged their labels: a robust fit of the trial.
+"""Landmark outliers and exchanged labels in some frames of a trial, by a robust fit of the distances.
 
-**Reference.** The distance of each pair of landmarks that a bone holds, over the frames in which it is a person's: the
-middle of the shortest half of them (Rousseeuw & Leroy, Robust regression and outlier detection (1987), 4.1), which half
-of the frames may leave, and the median and SD of those near it.
+**Reference.** The reference of a distance within one bone is fitted over the frames in which it is a person's. The
+middle of the shortest half of these distances (Rousseeuw & Leroy, Robust regression and outlier detection (1987), 4.1)
+is right if up to half of the frames are wrong. The reference and its SD are the median and SD of distances near this
+middle.
 
-**Outliers.** A frame has one where a distance is farther from its reference than k SD and than a least limit. Skin
-moves slowly: a run of such frames counts where a jump begins or ends it. The landmarks to blame are the fewest that are
-in all of these distances (``motions.checks.distances.blamed``).
+**Outliers.** A frame has an outlier where a distance is farther from its reference than k SD and than a minimum limit.
+Skin moves slowly, so a run of such frames counts only if a jump begins or ends it. The landmarks to blame are the
+fewest that are in all of these distances (``motions.checks.distances.blamed``).
 
-**Swaps.** Where the exchange of two landmarks puts every distance of a frame right, their labels are exchanged there.
+**Swaps.** If the exchange of two landmarks corrects every distance of a frame, their labels are exchanged there.
 """
 
 from collections.abc import Iterator
@@ -30,54 +31,54 @@ from motions.checks.distances import (
 )
 
 RIGID: tuple[Pair, ...] = tuple(pair for pair in RANGES if pair not in (("SC", "IJ"), ("GH", "AC")))
-"""Pairs that one bone holds."""
+"""Pairs of landmarks on one bone."""
 
 NEARLY_RIGID: tuple[Pair, ...] = (
     *(("SC", name) for name in ("IJ", "C7", "PX", "T8")),
     *(("GH", name) for name in ("AC", "TS", "AI")),
 )
-"""Pairs across a joint whose landmark lies beside its centre."""
+"""Pairs across a joint, with one landmark beside its centre."""
 
 RIGID_MM, NEARLY_RIGID_MM = 10.0, 25.0
-"""Nearer to its reference than this no distance is an outlier. 10 mm turn the scapula by 5 degrees; SC and GH move by
-some millimetres in their joints, and a regression for GH adds to that."""
+"""Minimum limits, in mm, of the deviation of a distance from its reference. 10 mm turn the scapula by 5 degrees; SC and
+GH move by some millimetres in their joints, and a regression for GH adds to this."""
 
 FALSE_ALARM = 0.005
-"""Chance that a sound trial has an outlier, by the normal distribution of distances."""
+"""Probability of an outlier in a sound trial, if distances have a normal distribution."""
 
 _SD_OF_HALF = 1.4826
-"""SD over half the width of the shortest half, of normal values."""
+"""Ratio of the SD to half the width of the shortest half, for normal values."""
 
 _NEAR_SD = 3.0
-"""Distances this near to the reference give its median and SD."""
+"""Deviation from the middle, in SD, up to which distances count for the median and SD."""
 
 _MORE_THAN_STEPS = 1.5
-"""An SD is at most this many times that of the steps between frames, in few of which an outlier begins or ends: where
-nearly half of the frames are wrong, the shortest half is wide."""
+"""Maximum ratio of the SD to the SD from steps between frames, few of which begin or end an outlier: if nearly half of
+the frames are wrong, the shortest half is wide."""
 
 _FEW = 10.0
-"""The limit of n frames is that of many times 1 + 10/(n - 1): their SD is uncertain, and the largest of many distances
-has to stay below it. By simulation (scripts/research/landmarks)."""
+"""Constant in the factor 1 + 10/(n - 1) on the limit of n frames: the SD of few frames is uncertain, and the largest of
+many distances has to stay below the limit. The constant is from simulation (scripts/research/landmarks)."""
 
 _LEAST_SD_MM = 0.5
-"""Of a distance: of landmarks without noise everything is far off, in SD."""
+"""Minimum SD of a distance in mm: in SDs of landmarks without noise, every deviation is large."""
 
 _LEAST_IN_RANGE = 4
-"""Frames in which a distance is a person's, from which they alone give its reference."""
+"""Minimum number of frames in which a distance is a person's; with fewer, all frames give the reference."""
 
 _JUMP = 0.5
-"""Share of the deviation by which the distance changes where an outlier begins or ends."""
+"""Minimum change of the distance where an outlier begins or ends, as a share of its deviation."""
 
 _JUMP_FRAMES, _JUMP_SHARE = 5, 0.05
-"""Frames that a jump may take, such as after a filter; in a short trial this share of it."""
+"""Maximum number of frames of a jump, such as after a filter; in a short trial, this share of its frames."""
 
 _FEWEST = 4
-"""Frames of a distance, below which there is no reference."""
+"""Minimum number of frames of a distance for a reference."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The distance of each pair as most frames have it, and how far from it a frame may be."""
+    """Reference of each distance, as most frames have it, and the limit of the deviation from it."""
 
     pairs: tuple[Pair, ...]
     mm: Float[np.ndarray, " pairs"]
@@ -85,26 +86,26 @@ class Reference:
     sd_mm: Float[np.ndarray, " pairs"]
 
     def off(self, positions: Positions) -> Float[np.ndarray, "pairs frames"]:
-        """Compute the distances from their references over the limits, without sign; NaN in a gap."""
+        """Compute the absolute deviations from the references, over the limits; NaN where not measured."""
         return np.abs(distances_mm(positions, self.pairs) - self.mm[:, None]) / self.limit_mm[:, None]
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """Landmarks that are not in their place in some frames."""
+    """Landmarks that are not at their place in some frames."""
 
     landmarks: tuple[str, ...]
-    """Those to blame; where it is not decided, all that may be."""
+    """Landmarks to blame; if it is undecided, all that may be to blame."""
     frames: Int[np.ndarray, " frames"]
-    """From 0."""
+    """Frames, counted from 0."""
     swapped: bool
-    """The two have exchanged their labels."""
+    """True where the two landmarks have exchanged their labels."""
     size_mm: float
-    """The largest deviation of a distance."""
+    """Largest deviation of a distance; of a swap, the largest distance between the two landmarks."""
 
 
 def find_outliers(positions: Positions) -> list[Outlier]:
-    """Find the frames in which landmarks are outliers or swapped. Positions in any frame, mm; NaN is a gap."""
+    """Find the frames in which landmarks are outliers or swapped. Positions are in any frame, mm."""
     reference = fit_reference(positions)
     if not reference.pairs:
         return []
@@ -117,7 +118,7 @@ def find_outliers(positions: Positions) -> list[Outlier]:
 
 
 def fit_reference(positions: Positions) -> Reference:
-    """Fit the distances that a bone holds, robustly over the frames."""
+    """Fit the distances within bones, robustly over the frames."""
     pairs = [pair for pair in (*RIGID, *NEARLY_RIGID) if all(name in positions for name in pair)]
     if not pairs:
         return Reference((), *np.zeros((3, 0)))
@@ -145,7 +146,10 @@ def _size(pairs: list[Pair], distances: Float[np.ndarray, "pairs frames"]) -> fl
 
 
 def _middle_limit_sd(known: Float[np.ndarray, " n"], least_mm: float, count: int) -> tuple[float, float, float]:
-    """The reference, what hardly one of so many distances of a sound trial exceeds (k SD, or the least), and the SD."""
+    """Fit the reference of a distance, the limit of the deviation from it and its SD.
+
+    The limit is k SD, but at least ``least_mm``; hardly one of ``count`` distances of a sound trial exceeds it.
+    """
     ordered = np.sort(known)
     half = len(ordered) // 2 + 1
     widths = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
@@ -160,7 +164,7 @@ def _middle_limit_sd(known: Float[np.ndarray, " n"], least_mm: float, count: int
 
 
 def _jumping(off: Float[np.ndarray, "pairs frames"]) -> Bool[np.ndarray, "pairs frames"]:
-    """Which distances are beyond their limit, in runs that a jump begins or ends; or all the trial long."""
+    """Find the distances beyond their limits, in runs that a jump begins or ends, or throughout the trial."""
     wrong = np.zeros(off.shape, bool)
     for row, flags in zip(off, wrong, strict=True):
         known = np.flatnonzero(np.isfinite(row))
@@ -175,13 +179,16 @@ def _jumping(off: Float[np.ndarray, "pairs frames"]) -> Bool[np.ndarray, "pairs 
 
 
 def runs(flags: Bool[np.ndarray, " frames"]) -> list[tuple[int, int]]:
-    """Give the first and the last of each run of frames that are true."""
+    """List the first and last frame of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     return [(int(first), int(end) - 1) for first, end in edges.reshape(-1, 2)]
 
 
 def _swaps(positions: Positions, reference: Reference, flagged: Int[np.ndarray, " frames"]) -> Iterator[Outlier]:
-    """The pairs of landmarks whose exchange puts most of these frames right, one after the other."""
+    """Yield pairs of landmarks with exchanged labels, one after the other.
+
+    Each is the pair whose exchange corrects the largest number of the frames that are still flagged.
+    """
     while len(flagged):
         here = {name: place[:, flagged] for name, place in positions.items()}
         mended = {pair: _mended(here, reference, pair) for pair in combinations(positions, 2)}
@@ -203,7 +210,7 @@ def _mended(here: Positions, reference: Reference, pair: Pair) -> Bool[np.ndarra
 def _blamed_frames(
     reference: Reference, off: np.ndarray, wrong: Bool[np.ndarray, "pairs frames"], left: Int[np.ndarray, " frames"]
 ) -> Iterator[Outlier]:
-    """The landmarks to blame in each run of these frames, those of like runs together."""
+    """Yield the landmarks to blame in each run of the frames ``left``, joining runs with equal blame."""
     flags = np.isin(np.arange(off.shape[1]), left)
     by_blame: dict[frozenset[str], list[int]] = {}
     for first, last in runs(flags):
@@ -218,7 +225,10 @@ def _blamed_frames(
 def _blame(
     reference: Reference, off: Float[np.ndarray, "pairs run"], wrong: Bool[np.ndarray, "pairs run"]
 ) -> frozenset[str]:
-    """All landmarks that may be to blame for the distances that are wrong in most frames of a run, or in any."""
+    """Return all landmarks that may be to blame for a run of frames.
+
+    The distances to explain are wrong in most frames of the run; if there are none, in any frame.
+    """
     most = 2 * wrong.sum(axis=1) > wrong.shape[1]
     bad = [frozenset(reference.pairs[k]) for k in np.flatnonzero(most if most.any() else wrong.any(axis=1))]
     known = np.isfinite(off).any(axis=1)

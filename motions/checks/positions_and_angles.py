@@ -1,4 +1,4 @@
-"""Positions of landmarks against the angles beside them: another frame, other rows, exchanged columns."""
+"""Checks of landmark positions against the angles of the same rows: another frame, other rows, exchanged columns."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,14 +11,16 @@ from motions.rotations import rotation_from_cardan
 from motions.table import BONES, Motions
 
 ALONG_BONE_DEG, ALONG_BORDER_DEG = 30.0, 45.0
-"""Between a bone by its landmarks and by its angles. Measured: SC to AA and the clavicle 9-13; TS to AI and the
-scapula's y axis are apart by some 15 in every set, and by more with the angles of AA."""
+"""Maximum angles in degrees between the axis of a bone by its landmarks and by its angles: along the bone, and along
+the medial border TS-AI. Measured: 9-13 between SC-AA and the clavicle. TS-AI and the scapula's y axis differ by some 15
+in every set, and by more with the angles of AA."""
 
 THORAX_FRAME = "Positions are in mm in the thorax frame: origin IJ, x lateral, y up, z backward (docs/frames.md)"
 
 
 def in_another_frame(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
-    """Find positions across the bones that the angles turn, on the other side of the thorax, or not about IJ."""
+    """Find positions in another frame: lines between landmarks across the bones, landmarks on the other side of the
+    thorax, or another origin than IJ."""
     if likelier := _likelier(mine, places):
         return likelier
     said = [text for text in (_across(mine, places), _beyond(places), _not_about_origin(places)) if text]
@@ -34,7 +36,7 @@ def _beyond(places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
 
 
 def _not_about_origin(places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
-    """SC from IJ, which is the origin."""
+    """Write a message if the distance of SC from the origin, IJ, is no person's; empty otherwise."""
     mm = np.linalg.norm(places["SC"], axis=0) if "SC" in places else np.empty(0)
     mm, usual = mm[np.isfinite(mm)], RANGES["SC", "IJ"]
     if not len(mm) or usual.low_mm <= np.median(mm) <= usual.high_mm:
@@ -43,12 +45,12 @@ def _not_about_origin(places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
 
 
 LIKELIER_FROM_DEG = 8.0
-"""Between a bone by landmarks on its axis and by its angles, from which other columns are likelier that leave less than
-it, and less than half of what there is. By definition both are the same."""
+"""Angle in degrees between a bone by landmarks on its axis and by its angles, which are equal by definition. Above it,
+other columns are suggested if they leave less than it, and less than half of the present angle."""
 
 
 def _likelier(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
-    """Find columns that are exchanged, or 90 degrees minus the angle, by the line from SC or TS to AC."""
+    """Find exchanged columns, or 90 degrees minus the angle, by the line from SC or TS to AC."""
     for begin, bone in (("SC", "clavicle"), ("TS", "scapula")):
         if not {begin, "AC"} <= places.keys():
             continue
@@ -64,7 +66,7 @@ def _likelier(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Dou
 
 
 def _across(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
-    """The first bone whose landmarks lie across it."""
+    """Write a message about the first bone whose landmarks lie across it; empty if there is none."""
     clavicle, scapula = _x_axis(*mine.angles_deg.T[:2]), rotation_from_cardan(np.radians(mine.angles_deg.T[3:]))
     for begin, end, bone, axis, most in (
         *(("SC", end, "clavicle", clavicle, ALONG_BONE_DEG) for end in ("AC", "AA")),
@@ -77,31 +79,32 @@ def _across(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> str:
 
 
 def _x_axis(y_deg: Float[np.ndarray, " n"], z_deg: Float[np.ndarray, " n"]) -> Float[np.ndarray, "3 n"]:
-    """The x axis of a bone: its third angle does not turn it."""
+    """Compute the x axis of a bone, which does not depend on its third angle."""
     return rotation_from_cardan(np.radians(np.stack([y_deg, z_deg, np.zeros_like(y_deg)])))[:, 0]
 
 
 def _away_deg(way: Float[np.ndarray, "3 n"], axis: Float[np.ndarray, "3 n"]) -> float:
-    """The angle between lines and unit vectors, of the median of its cosine; NaN where none is known."""
+    """Compute the angle in degrees between lines and unit vectors, from its median cosine; NaN if none is known."""
     along = np.sum(way * axis, axis=0) / np.maximum(np.linalg.norm(way, axis=0), 1.0)
     known = along[np.isfinite(along)]
     return float(np.degrees(np.arccos(np.clip(np.median(known), -1.0, 1.0)))) if len(known) else np.nan
 
 
 APART_MM, MOST_APART_MM, TIMES_MEDIAN = 12.0, 35.0, 5.0
-"""How far a landmark may be from where rigid bones at the measured angles put it: times the median of the file, at
-least and at most. Measured by pins: 6 at most, with medians of 1 to 2. With SDs of 5 mm a coordinate and 1.5 degrees an
-angle, one simulated person of 300 has more."""
+"""Limits in mm of the distance of a landmark from its place on rigid bones at the measured angles: ``TIMES_MEDIAN``
+times the median of the file, but at least ``APART_MM`` and at most ``MOST_APART_MM``. Measured with bone pins: at most
+6, with medians of 1 to 2. With SDs of 5 mm per coordinate and 1.5 degrees per angle, one simulated person in 300
+exceeds them."""
 
 _FEWEST_POSTURES = 8
-"""Of three coordinates each, for the six constants of a landmark in both bones."""
+"""Minimum number of postures: three coordinates each, for the six constants of a landmark in the two bones."""
 
 _MOST_OFF = 8
-"""Of so many postures one may be off by itself."""
+"""Number of postures among which one may be an outlier."""
 
 
 def still_places(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
-    """Find landmarks of the scapula that are at one place while its angles change."""
+    """Find landmarks of the scapula that stay at one place while the arm moves."""
     known = {name: xyz[:, np.isfinite(xyz).all(axis=0)] for name, xyz in places.items() if name in SCAPULA}
     still = [name for name, xyz in known.items() if xyz.shape[1] >= FEWEST_STILL and not np.ptp(xyz, axis=1).any()]
     if not still or not arm_moves(mine):
@@ -111,11 +114,11 @@ def still_places(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> 
 
 
 def apart_from_angles(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
-    """Find positions that no rigid bones at the angles beside them have.
+    """Find positions that rigid bones at the angles of the same rows cannot have.
 
-    With R_C and R_S of the angles and c, s constant in clavicle and scapula, a landmark of the scapula is at
-    SC + R_C c + R_S s in every posture. Least squares give c and s; the posture that is farthest off is left out, up to
-    one of eight. Where more are off, the rows do not belong together.
+    With R_C and R_S from the angles, and c and s constant in clavicle and scapula, a landmark of the scapula is at
+    SC + R_C c + R_S s in every posture. Least squares give c and s. The posture with the largest residual is left out,
+    and the fit repeated, for up to one posture in eight. If more are off, positions and angles are of different rows.
     """
     R = [rotation_from_cardan(np.radians(mine.angles_deg.T[part])) for part in BONES.values()]
     bones = np.concatenate(R, axis=1).transpose(2, 0, 1)
@@ -140,6 +143,6 @@ def apart_from_angles(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]
 
 
 def _apart_mm(way: Float[np.ndarray, "n 3"], bones: Float[np.ndarray, "n 3 6"]) -> Float[np.ndarray, " n"]:
-    """How far the ways are from bones c, with c of least squares."""
+    """Compute the distances (mm) of the vectors ``way`` from ``bones`` c, with c by least squares."""
     c = np.linalg.lstsq(bones.reshape(-1, 6), way.reshape(-1), rcond=None)[0]
     return np.linalg.norm(way - bones @ c, axis=1)

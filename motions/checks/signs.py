@@ -1,12 +1,11 @@
-"""Signs of angles, by how a girdle lies at rest and how it moves while the arm rises.
+"""Checks of the signs of angles, from the girdle at rest and its motion while the arm rises.
 
-For an angle with r at rest and a course of s degrees over 60 degrees of elevation, normal in the population with means
-m, n and SDs p, q, the odds of the sign as it is against the other one are exp(L),
+An angle is r at rest and has a course, or change, of s degrees over 60 degrees of elevation. In the population r and s
+are normal with means m, n and SDs p, q. The odds of the present sign against the other one are exp(L),
 
     L = 2 r m / p^2 + 2 s n / q^2.
 
-Where L is below LEAST_LOG_ODDS the other sign is the likely one. A term without a measurement, or whose mean is 0, is
-left out.
+If L is below LEAST_LOG_ODDS, the other sign is likely. A term that was not measured, or whose mean is 0, is left out.
 """
 
 from collections.abc import Sequence
@@ -20,33 +19,35 @@ from jaxtyping import Bool, Float
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
 LARGE_MOTION_DEG = 60.0
-"""Of elevation within one motion, over which a course says something."""
+"""Minimum range of elevation within one motion, in degrees, for a course."""
 
 LOW_DEG = 50.0
-"""With the arm lower than this the girdle is near its rest: the scapula alone turns by 20 degrees to here."""
+"""Elevation in degrees below which the girdle is near its rest: up to it the scapula alone turns by 20 degrees."""
 
 NEAR_DEG = 2.0
-"""Postures this much above the lowest are at rest too, where no motion is large enough for a line."""
+"""Height in degrees above the lowest posture that still counts as rest, if no motion is large enough for a line."""
 
 LEAST_LOG_ODDS = -1.5
-"""9 to 2 for the other sign. Measured and simulated motions have 0.1 and more; by the normal distributions below a
-sound angle gets below it in 1.5 % of people or less. Twice that where only one of both terms was measured."""
+"""Minimum log odds of the present sign: below it, the other one is likelier by 9 to 2. Measured and simulated motions
+have 0.1 and more; by the normal distributions below, a sound angle falls below it in at most 1.5 % of people. If only
+one of the two terms was measured, the limit is twice as far from 0."""
 
 
 SURE_LOG_ODDS = -6.0
-"""400 to 1. Above it tipping may have the sign that it has: cadavers whose girdle closes only with a scapula that is
-tipped by 4 +- 4 degrees backward (breteler_mri) cannot be told from people whose sign was turned round."""
+"""Log odds, 400 to 1, above which the present sign of tipping may be right: cadavers whose girdle closes only with a
+scapula tipped by 4 +- 4 degrees backward (breteler_mri) cannot be told from people with the sign turned round."""
 
 
 FAR_SD = 5.0
-"""From people at rest, for an angle that is then not just turned round: 40 degrees of protraction of the clavicle."""
+"""Deviation from people at rest, in SD, beyond which an angle with its sign turned round is wrong too: 40 degrees for
+protraction of the clavicle."""
 
 
 @dataclass(frozen=True)
 class Usual:
-    """An angle at rest and its course over 60 degrees of elevation, degrees: means and SDs of people.
+    """Angle at rest and its course over 60 degrees of elevation, in degrees: means and SDs of people.
 
-    A mean of 0 says nothing of the sign.
+    A mean of 0 tells nothing about the sign.
     """
 
     rest: float
@@ -96,41 +97,42 @@ USUAL: dict[str, Usual] = {
 _REST, _REST_SD, _COURSE, _COURSE_SD = np.array(
     [(one.rest, one.rest_sd, one.course, one.course_sd) for one in (USUAL[angle] for angle in ANGLES)]
 ).T
-"""The same, the angles side by side."""
+"""Values of USUAL as arrays in the order of ANGLES."""
 
 
 EXCHANGED = 12.0
-"""Sum of squares, in SDs of people, by which angles have to be likelier when exchanged: odds of 400 to 1."""
+"""Difference of sums of squares, in SDs of people, by which exchanged angles must be likelier: odds of 400 to 1."""
 
 SIGN_COST = 4.0
-"""Sum of squares of a sign that has to be turned round beside: one mistake is likelier than two, assumed 7 to 1."""
+"""Penalty, as a sum of squares, on the explanation without an exchange, per sign that it turns round: one mistake is
+likelier than two, assumed 7 to 1."""
 
 FARTHEST_SD = 2.5
-"""Exchanged, no term of them is farther than this from people's."""
+"""Maximum deviation of each term of the exchanged angles from people's, in SD."""
 
 
 @dataclass(frozen=True)
 class WrongSign:
-    """An angle whose other sign is the likely one."""
+    """Angle whose other sign is the likely one."""
 
     angle: str
     said: str
     log_odds: float
     far: bool = False
-    """Turned round it is no person's at rest either: by more than FAR_SD."""
+    """True where the angle with its sign turned round is no person's at rest either: by more than FAR_SD."""
 
 
 @dataclass(frozen=True)
 class Exchanged:
-    """Angles of one bone whose columns are likely exchanged."""
+    """Angles whose columns are likely exchanged."""
 
     columns: tuple[str, ...]
     are: tuple[str, ...]
-    """The angles that they hold."""
+    """Angles that the columns hold."""
 
     @property
     def said(self) -> str:
-        """Say which is which."""
+        """Text that says which column holds which angle."""
         if len(self.columns) == 2:
             return f"{self.are[0]}_deg is as {self.are[1]}_deg is in people, and the other way round"
         pairs = zip(self.columns, self.are, strict=True)
@@ -140,15 +142,16 @@ class Exchanged:
 _ELEVATIONS = Exchanged(("clavicle_z", "scapula_z"), ("scapula_z", "clavicle_z"))
 
 BEYOND_SCAPULA_DEG = 8.0
-"""Of elevation over 60 degrees of the arm by which the clavicle has more than the scapula, which it carries. Measured
-scapulae turn laterally by 4 more and over, those of simulated girdles by 7 less at most."""
+"""Maximum excess of the clavicle's elevation over the lateral rotation of the scapula, which the clavicle carries, in
+degrees per 60 degrees of the arm. Measured scapulae turn by at least 4 more than the clavicle, scapulae of simulated
+girdles by at most 7 less."""
 
 
 class Courses(NamedTuple):
-    """Each angle of one subject with the arm low, and over 60 degrees of elevation, degrees; NaN where nothing says it.
+    """Angles of one subject with the arm low, and courses over 60 degrees of elevation, in degrees; NaN where unknown.
 
-    And of each motion the line of every angle over elevation: its course, where it starts, at the lowest elevation (NaN
-    above LOW_DEG), and whether the motion is large enough for one.
+    The line of every angle over elevation in each motion has a course (``of_motions``) and a value at the lowest
+    elevation (``starts``, NaN above LOW_DEG); ``large`` is true where the motion is large enough for a line.
     """
 
     rest: Float[np.ndarray, "6"]
@@ -160,9 +163,9 @@ class Courses(NamedTuple):
 
 
 def courses_of(motions: Motions) -> Courses:
-    """Find how the angles of one subject lie at rest and go while the arm rises, for all that is asked of it."""
+    """Compute the angles at rest and the courses of one subject, for all checks of signs."""
     elevation = motions.humerus_elevation_deg
-    low = elevation <= min(LOW_DEG, _lowest(elevation) + NEAR_DEG)  # NaN is not
+    low = elevation <= min(LOW_DEG, _lowest(elevation) + NEAR_DEG)  # NaN compares false
     of_motions, starts, large = _lines(motions)
     has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
     course = np.where(has_line, np.where(large, of_motions, 0.0).sum(axis=0) / count, np.nan)
@@ -171,8 +174,11 @@ def courses_of(motions: Motions) -> Courses:
 
 
 def exchanged(found: Courses, signs: Sequence[WrongSign]) -> Exchanged | None:
-    """Find two or three angles of one bone whose columns are likely exchanged, by what people have at rest and over a
-    course. ``signs``: they have to be likelier than the columns as they are with these turned round."""
+    """Find columns that are likely exchanged: two or three of one bone, or the elevations of clavicle and scapula.
+
+    The criterion is people's angles at rest and courses. The exchange must be likelier than the present columns with
+    the signs in ``signs`` turned round.
+    """
     rest, course = found.rest, found.course
     turned = np.where(np.isin(ANGLES, [one.angle for one in signs]), -1.0, 1.0)
     mine, others = _squares(turned * rest, turned * course), _squares(rest[_ORDERS], course[_ORDERS])
@@ -195,19 +201,21 @@ _ORDERS = np.array(
         for order in ((*three, 3, 4, 5), (0, 1, 2, *(3 + k for k in three)))
     ]
 )
-"""Of the columns, where those of one bone are exchanged."""
+"""Orders of the columns with an exchange within one bone."""
 
 
 def _squares(rest: Float[np.ndarray, "*orders 6"], course: Float[np.ndarray, "*orders 6"]) -> np.ndarray:
-    """How far angles are from people's at rest and over a course, in SD, squared; NaN says nothing."""
+    """Compute squared deviations, in SD, from people's angles at rest and courses; NaN without information."""
     of_rest = np.where(_REST == 0.0, np.nan, (rest - _REST) / _REST_SD)
     of_course = np.where(_COURSE == 0.0, np.nan, (course - _COURSE) / _COURSE_SD)
     return np.stack([of_rest, of_course]) ** 2
 
 
 def runs_backward(found: Courses) -> bool:
-    """Tell whether every angle goes the other way than in people while none has another sign at rest: the elevation is
-    then measured from overhead, or is another motion's."""
+    """Check whether every angle goes the other way than in people while none has another sign at rest.
+
+    The elevation is then measured from overhead, or belongs to another motion.
+    """
     rest, course = found.rest, found.course
     known = np.isfinite(course) & (np.abs(_COURSE) > _COURSE_SD)
     at_rest = np.isfinite(rest) & (_REST != 0.0)
@@ -218,7 +226,7 @@ def runs_backward(found: Courses) -> bool:
 BACKWARD = "All angles go the other way: is humerus_elevation_deg measured from overhead? It is 0 with the arm hanging"
 
 _FEWEST_BACKWARD = 3
-"""Courses: two go the other way with ISB's beta too."""
+"""Minimum number of courses: with ISB's beta, two go the other way too."""
 
 
 def wrong_signs(found: Courses) -> list[WrongSign]:
@@ -236,11 +244,11 @@ def wrong_signs(found: Courses) -> list[WrongSign]:
 
 
 TURNED_LOG_ODDS = 3.0
-"""20 to 1 for the sign in one motion, and against it in another. Measured motions have 0 and more."""
+"""Log odds, 20 to 1, for the sign in one motion and against it in another. Measured motions have 0 and more."""
 
 
 def turned_in_one_motion(found: Courses) -> tuple[str, str] | None:
-    """Find an angle that has its sign in one large motion, and the other in another: each motion begins at rest."""
+    """Find an angle with its sign in one large motion and the other sign in another; each motion begins at rest."""
     by_rest, by_course = 2.0 * found.starts * _REST / _REST_SD**2, 2.0 * found.of_motions * _COURSE / _COURSE_SD**2
     log_odds = np.where(found.large, np.nan_to_num(by_rest) + np.nan_to_num(by_course), 0.0)
     least, best = log_odds.argmin(axis=0), log_odds.max(axis=0)
@@ -253,13 +261,13 @@ def turned_in_one_motion(found: Courses) -> tuple[str, str] | None:
 
 
 HELD_ARM_DEG = 20.0
-"""Of elevation within a motion, such as horizontal flexion or axial rotation of the arm, in which no rhythm turns the
-scapula."""
+"""Maximum range of elevation in degrees of a motion, such as horizontal flexion or axial rotation of the arm, in which
+no rhythm turns the scapula."""
 
 LEAST_PROTRACTION_DEG2, BACKWARD_SLOPE = 60.0, -0.4
-"""Sum of squares of the clavicle's protraction about its mean in such motions, above that of noise of 1.5 degrees in 20
-postures, and the slope of the scapula's over it below which it runs backward. Measured: 0.9 to 1.8 above that sum, 0.1
-to 1.3 below it."""
+"""Minimum sum of squares of clavicle_y about its mean in such motions, which noise of 1.5 degrees in 20 postures does
+not reach; and slope of scapula_y over clavicle_y below which the scapula runs backward. Measured slopes: 0.9 to 1.8
+above this sum, 0.1 to 1.3 below it."""
 
 
 def protraction_runs_backward(motions: Motions) -> tuple[str, str] | None:
@@ -280,7 +288,7 @@ def protraction_runs_backward(motions: Motions) -> tuple[str, str] | None:
 
 
 def _medians(values: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "6"]:
-    """Of what is known of each angle; NaN of nothing."""
+    """Compute the median of the known values of each angle; NaN if there are none."""
     count = np.isfinite(values).sum(axis=0)
     if not len(values):
         return np.full(values.shape[1], np.nan)
@@ -297,7 +305,7 @@ def _lowest(elevation_deg: Float[np.ndarray, " n"]) -> float:
 def _lines(
     motions: Motions,
 ) -> tuple[Float[np.ndarray, "motions 6"], Float[np.ndarray, "motions 6"], Bool[np.ndarray, "motions 6"]]:
-    """The least-squares lines of ``Courses``."""
+    """Fit the least-squares lines of ``Courses``."""
     every: list[tuple[np.ndarray, ...]] = []
     for motion in dict.fromkeys(motions.motion.tolist()):
         rows = motions.motion == motion
@@ -331,7 +339,7 @@ _MIRRORED = "If it is a right one, protraction has the other sign (docs/frames.m
 
 
 def likely_convention(found: list[WrongSign]) -> str:
-    """Say what the angles look like, and what to do."""
+    """Write which convention the angles look like, and what to do."""
     angles = [one.angle for one in found]
     if far := [f"{one.angle}_deg" for one in found if one.far]:
         return (

@@ -1,4 +1,4 @@
-"""The landmarks of one shoulder, checked before anything is computed of them: what is wrong is named and left out."""
+"""Check of the landmarks of one shoulder before anything is computed: wrong positions are named and left out."""
 
 from collections.abc import Iterable, Mapping
 
@@ -15,21 +15,22 @@ from motions.checks.rigidity import check_rigidity
 from motions.errors import InputError, warn_input
 
 NEEDED = ("IJ", "PX", "C7", "T8", MIDDLE, "TS", "AI")
-"""Without one of these there is no angle."""
+"""Landmarks without which there is no angle."""
 
 MOST_POSTURES = 100
-"""Of palpated postures, in which a slip of millimetres is looked for. A trial has more frames, among which an outlier
-of less than ``motions.checks.outliers.RIGID_MM`` is lost."""
+"""Maximum number of palpated postures in which slips of millimetres are searched. A trial has more frames, among which
+an outlier of less than ``motions.checks.outliers.RIGID_MM`` is lost."""
 
 _MOST_NAMED = 8
-"""Runs of frames in a message."""
+"""Maximum number of runs of frames in a message."""
 
 
 def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: str, file: str) -> Positions:
     """Return the landmarks with NaN where one was not seen or is an outlier, each named in an InputWarning.
 
-    lab_mm: of one shoulder, in any frame, mm. whose: in messages. A landmark that is wrong in the whole trial is left
-    out where angles can do without it. InputError where they cannot: it names the landmarks to blame, or two swapped.
+    ``lab_mm`` are the landmarks of one shoulder, in any frame, mm; ``whose`` names the shoulder in messages. A landmark
+    that is wrong in the whole trial is left out if angles can do without it. If they cannot, raise InputError, which
+    names the landmarks to blame, or two swapped ones.
     """
     found = {name: np.array(place, float) for name, place in lab_mm.items()}
     ends = [name for name in ("PX", "T8") if name in found]
@@ -52,7 +53,7 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
 
 
 def _check_swap(found: Positions, whose: str, file: str) -> None:
-    """InputError where the exchange of two landmarks puts a whole trial right that is no person's."""
+    """Raise InputError if a whole trial is no person's and the exchange of two landmarks corrects it."""
     wrong = misfit(found)
     if wrong is None or wrong.swapped is None:
         return
@@ -63,7 +64,7 @@ def _check_swap(found: Positions, whose: str, file: str) -> None:
 
 
 def _leave_unseen(found: Positions, whose: str, file: str) -> None:
-    """Put NaN where a landmark has a position that says that it was not seen."""
+    """Set positions to NaN where they mean that a landmark was not seen."""
     for name, unseen in never_seen(found).items():
         if not unseen.any():
             continue
@@ -73,14 +74,14 @@ def _leave_unseen(found: Positions, whose: str, file: str) -> None:
         if not was_seen.any():
             cause = f"{whose}: landmark {name} was never seen: it is at ({x:g}, {y:g}, {z:g}) in every frame"
             _leave_whole(found, (name,), cause, "Reconstruct its marker, or use another trial", file)
-        elif x or y or z:  # zeros among others are how every program writes a gap
+        elif x or y or z:  # no warning about (0, 0, 0), with which every program marks a gap
             cause = f"{whose}: landmark {name} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(unseen))}"
             remedy = "It was not seen there and is left out: write gaps as empty cells, or reconstruct them"
             warn_input(InputError(file, None, cause, remedy))
 
 
 def _leave_outliers(found: Positions, whose: str, file: str) -> None:
-    """Put NaN where a landmark is not in its place."""
+    """Set positions to NaN where a landmark is not at its place, with an InputWarning."""
     for one in find_outliers(found):
         named = " and ".join(one.landmarks) if one.swapped else " or ".join(one.landmarks)
         where = frames_of(one.frames)
@@ -98,7 +99,7 @@ def _leave_outliers(found: Positions, whose: str, file: str) -> None:
 
 
 def slipped(found: Positions) -> dict[str, list[int]]:
-    """Find the landmarks of clavicle and scapula that slipped by millimetres in palpated postures, from 0."""
+    """Find the landmarks of clavicle and scapula that slipped by millimetres, and their palpated postures, from 0."""
     if next(iter(found.values())).shape[1] > MOST_POSTURES:
         return {}
     slips: dict[str, list[int]] = {}
@@ -108,7 +109,7 @@ def slipped(found: Positions) -> dict[str, list[int]]:
 
 
 def without_slips(found: Positions, slips: Mapping[str, list[int]], whose: str, file: str) -> Positions:
-    """Put NaN where a landmark slipped, with an InputWarning."""
+    """Set positions to NaN where a landmark slipped, with an InputWarning."""
     left = dict(found)
     for name, frames in slips.items():
         where = frames_of(np.array(frames))
@@ -120,7 +121,7 @@ def without_slips(found: Positions, slips: Mapping[str, list[int]], whose: str, 
 
 
 def _leave_misfits(found: Positions, whose: str, file: str) -> None:
-    """Leave out a landmark that makes a person of no size. InputError if it is needed, or if nobody knows which."""
+    """Leave out the landmarks that may be to blame for a misfit. Raise InputError if one of them is needed."""
     for _ in range(len(found)):
         wrong = misfit(found)
         if wrong is None:
@@ -131,12 +132,12 @@ def _leave_misfits(found: Positions, whose: str, file: str) -> None:
 
 
 LOOSE_MM = 50.0
-"""Over which no distance between landmarks of a bone changes: skin slides by up to 40 (assumed), a spine that bends
-moves C7 and T8 by less."""
+"""Maximum change of a distance between landmarks of a bone, in mm: skin slides by up to 40 (assumed), and a spine that
+bends moves C7 and T8 by less."""
 
 
 def _loose(found: Positions) -> str:
-    """Say which two landmarks of a bone go apart, slowly, so that no frame is an outlier."""
+    """Write a message about the two landmarks of a bone that move apart most, so slowly that no frame is an outlier."""
     pairs = [pair for pair in RIGID if set(pair) <= found.keys()]
     rows = distances_mm(found, pairs) if pairs else np.empty((0, 0))
     known = [row[np.isfinite(row)] for row in rows]
@@ -148,11 +149,11 @@ def _loose(found: Positions) -> str:
 
 
 FEWEST_LOOSE = 10
-"""Frames, of which one alone does not make a range."""
+"""Minimum number of frames, so that no single one makes the range."""
 
 
 def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str, file: str) -> None:
-    """Leave out landmarks that are nowhere right, with a warning. InputError if one of them is needed."""
+    """Leave out landmarks that are wrong throughout, with a warning. Raise InputError if one of them is needed."""
     names = tuple(names)
     acromion = {"AC", "AA"} & set(found)
     if set(names) & set(NEEDED) or acromion <= set(names):
@@ -163,8 +164,9 @@ def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str
 
 
 LEAST_TURNED_DEG = 60.0
-"""Between an axis of the thorax and the one of the global frame that has its name. A trunk leans by 10 to 20 and may be
-turned by some 30; where the wrong axis of the file stands in a mapping, two of them are about 90 or 180."""
+"""Minimum angle in degrees, for a warning, between an axis of the thorax and the global axis of the same name. A trunk
+leans by 10 to 20 and may be turned by some 30; if a mapping names a wrong axis of the file, two angles are about 90 or
+180."""
 
 
 def against_global(thorax_deg: Float[np.ndarray, "frames 3"]) -> tuple[str, str] | None:
@@ -181,7 +183,7 @@ def against_global(thorax_deg: Float[np.ndarray, "frames 3"]) -> tuple[str, str]
 
 
 def frames_of(frames: Int[np.ndarray, " frames"]) -> str:
-    """Write frames, from 0, as 'frames 21-30, 45', from 1; the rest as a number where there are many runs."""
+    """Write frames, given from 0, as 'frames 21-30, 45', from 1; after many runs, the rest as a number."""
     flags = np.zeros(int(frames.max()) + 1, bool)
     flags[frames] = True
     found = runs(flags)

@@ -1,1 +1,1 @@
-"""The files of a laboratory: markers in .c3d, .trc and CSV, angles in .mot and .sto, a Spartacus checkout."""
+"""Files of a laboratory: markers in .c3d, .trc and CSV, angles in .mot and .sto, and a Spartacus checkout."""

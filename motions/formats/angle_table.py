@@ -1,4 +1,4 @@
-"""Postures as a table of angles for .mot and .sto, and back."""
+"""Conversion of tables of angles (.mot and .sto) to postures, and back."""
 
 import re
 from dataclasses import replace
@@ -23,36 +23,36 @@ from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
 ELEVATION = "humerus_elevation"
 SCAPULA_THROUGH = "scapula_through"
-"""The line of the header that names the scapula's landmark, AC or AA, which ISB's names of the angles do not say."""
+"""Header key for the landmark of the scapula, AC or AA, which ISB's names of the angles do not tell."""
 ORIGIN = "origin"
-"""The line of the header, and the extra column, that says of simulated motions that they are."""
+"""Header key, and extra column, that marks simulated motions."""
 
 
 _MOST_NAMED = 40
-"""Columns in a message."""
+"""Maximum number of columns in a message."""
 
 _OF_JOINT = re.compile(r"(.*/)?(ac|acromioclavicular)_?(joint_?)?[xyz]{1,2}(/value)?$", re.IGNORECASE)
-"""A coordinate of the AC joint, as DAS3 calls it (AC_y, AC_z, AC_x)."""
+"""Coordinate of the AC joint, as DAS3 calls it (AC_y, AC_z, AC_x)."""
 
 _OF_OUR_OSIM = re.compile(r"scapula_(abduction|elevation|upward_rot|winging)\b")
 
 _WIDE = ("clavicle_y", ISB_ANGLES[0], "scapula_y", ISB_ANGLES[3])
-"""Protraction, by both names."""
+"""Protraction of clavicle and scapula, under both names."""
 
 _LEAST_SPAN = 0.5
-"""Of elevations that stay below pi: an arm that moves by 30 degrees, in radians. One that hangs below 3 degrees moves
-by tenths."""
+"""Minimum range of elevations below pi that are taken for radians: an arm that moves by 30 degrees. An arm that hangs
+below 3 degrees moves by tenths."""
 
 _SAY_RELATIVE = 'write scapula_relative_to = "clavicle", or "thorax", above [columns] in a mapping file (--map)'
 
 
 def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> Motions:
-    """Take the postures from the rows of a file, or at `labels.at_deg`. A left shoulder is mirrored.
+    """Take the postures from the rows of a file, or at ``labels.at_deg``, and mirror a left shoulder.
 
-    The columns are ANGLES or, in ISB's sequence, ISB_ANGLES, and humerus_elevation, or what the mapping calls them.
-    ISB's scapula goes through AA, if the header does not say AC. InputError if no bone is there, AA stays AA, the
-    values are in another unit than the header says, or if it is not clear what the scapula's are relative to.
-    InputWarning that names a bone without any column.
+    The columns are humerus_elevation and ANGLES, or ISB_ANGLES in ISB's sequence, under these names or the mapping's.
+    ISB's scapula goes through AA, unless the header says AC. Raise InputError if no bone has a column, if no rotation
+    from AA to AC was chosen for a scapula through AA, if the values are in another unit than the header says, or if it
+    is not clear what the scapula's angles are relative to. Issue an InputWarning that names a bone without any column.
     """
     isb = any(_column(table, mapping, name) is not None for name in ISB_ANGLES)
     names = ISB_ANGLES if isb else ANGLES
@@ -68,7 +68,7 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     through = table.header.get(SCAPULA_THROUGH) or ("AA" if isb else "AC")
     if through != "AC":
         angles_deg = _brought_to_ac(table, angles_deg, labels)
-    if (elevation_deg < 0.0).any():  # NaN is not
+    if (elevation_deg < 0.0).any():  # NaN compares false
         cause = f"{mapping.column(ELEVATION)} is {np.nanmin(elevation_deg):g}, below 0"
         raise InputError(table.file, None, cause, ELEVATION_REMEDY)
     numbers, extra = _numbers(table), {}
@@ -105,8 +105,10 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
 
 
 def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None:
-    """The column of this name, in any case and with _deg behind it or not, or of the coordinate of this name in a file
-    of OpenSim's states (``/jointset/sternoclavicular/clavicle_y/value``); None where there is none."""
+    """Return the column of this name, in any case and with or without _deg; None if there is none.
+
+    In a file of OpenSim's states, it is the coordinate of this name (``/jointset/sternoclavicular/clavicle_y/value``).
+    """
     wanted = mapping.column(name)
     if wanted in table.columns:
         return table.columns[wanted]
@@ -119,7 +121,7 @@ def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None
 
 
 def _measured(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> list[np.ndarray]:
-    """The angles and the elevation, NaN where there is no column. InputError if they cannot be what is wanted."""
+    """Return the angles and the elevation, NaN without a column. Raise InputError if their joint or unit is wrong."""
     missing = np.full(table.count, np.nan)
     columns = {name: missing if column is None else column for name, column in found.items()}
     _check_there(table, mapping, found)
@@ -128,7 +130,7 @@ def _measured(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray |
 
 
 def _check_there(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> None:
-    """InputError if no bone has a column, or if those of the scapula may be of a joint."""
+    """Raise InputError if no bone has a column, or if the columns of the scapula may belong to a joint."""
     names = [mapping.column(name) for name in found if name != ELEVATION]
     of_joint = [column for column in table.columns if _OF_JOINT.match(column)]
     angles = [column for name, column in found.items() if name != ELEVATION and column is not None]
@@ -144,7 +146,7 @@ def _check_there(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarra
 
 
 def _warn_of_bones(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> None:
-    """InputWarning that names the bones without any column, and what their columns could be."""
+    """Issue an InputWarning that names the bones without any column, and says what their columns could be."""
     names = list(found)
     bones = {"clavicle": names[:3], "scapula": names[3:6], "humerus": names[6:]}
     absent = {bone: own for bone, own in bones.items() if all(found[name] is None for name in own)}
@@ -168,11 +170,11 @@ def _listed(table: AngleTable) -> str:
 
 
 def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarray]) -> None:
-    """InputError where the values show that they are in another unit than the header says, or in both.
+    """Raise InputError if the values show another unit than the header says, or two units.
 
-    Protraction of clavicle and scapula goes beyond 30 degrees in every published motion
-    (``motions.motion_csv.unit_and_side``), that of the scapula relative to the clavicle need not. Of both together one
-    row says it.
+    Protraction of clavicle and scapula exceeds 30 degrees in every published motion
+    (``motions.motion_csv.unit_and_side``); protraction of the scapula relative to the clavicle need not. If both bones
+    were measured, one row is enough.
     """
     said = table.header.get("indegrees", "").lower()
     in_file = columns if said == "yes" else {name: np.deg2rad(column) for name, column in columns.items()}
@@ -202,7 +204,7 @@ def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarr
 
 
 def _in_radians(name: str, column: Float[np.ndarray, " rows"], least: int) -> bool:
-    """Tell whether an angle that goes beyond 30 degrees stays below pi; an elevation only where the arm moves."""
+    """Check whether an angle that exceeds 30 degrees in people is at most pi; an elevation only if the arm moves."""
     known = column[np.isfinite(column)]
     if len(known) < least or np.abs(known).max() > np.pi:
         return False
@@ -210,17 +212,17 @@ def _in_radians(name: str, column: Float[np.ndarray, " rows"], least: int) -> bo
 
 
 def _relative_to_thorax(angles_deg: Float[np.ndarray, "postures 6"]) -> Float[np.ndarray, "postures 6"]:
-    """The scapula's angles relative to the thorax, R_thorax_scapula = R_thorax_clavicle R_clavicle_scapula."""
+    """Compute the scapula's angles relative to the thorax, R_thorax_scapula = R_thorax_clavicle R_clavicle_scapula."""
     R_clavicle, R_joint = (rotation_from_cardan(part.T / DEG) for part in (angles_deg[:, :3], angles_deg[:, 3:]))
     scapula_deg = cardan_from_rotation(compose(R_clavicle, R_joint)).T * float(DEG)
     return np.concatenate([angles_deg[:, :3], scapula_deg], axis=1)
 
 
 def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
-    """Lay out the postures of one motion of one subject as columns, degrees; time is the number of the posture.
+    """Arrange the postures of one motion of one subject as columns, in degrees; time is the number of the posture.
 
-    The columns are elevation and the six ANGLES, or ISB_ANGLES: the same rotations under ISB's names, the
-    scapula still through AC.
+    The columns are elevation and the six ANGLES, or ISB_ANGLES: the same rotations under ISB's names, with the scapula
+    still through AC.
     """
     subject, motion = str(motions.subject[0]), str(motions.motion[0])
     for name in (subject, motion):
@@ -238,7 +240,7 @@ def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
 
 
 def _brought_to_ac(table: AngleTable, angles_deg: np.ndarray, labels: Labels) -> np.ndarray:
-    """The angles with the scapula through AC instead of AA."""
+    """Convert the scapula's angles from AA to AC. Raise InputError if no rotation was chosen."""
     if labels.aa_to_ac is None:
         cause = "ISB's scapula frame goes through AA, the thesis's through AC, some 18 degrees apart"
         remedy = (
@@ -251,7 +253,7 @@ def _brought_to_ac(table: AngleTable, angles_deg: np.ndarray, labels: Labels) ->
 
 
 def _numbers(table: AngleTable) -> np.ndarray:
-    """Numbers of the postures: those of this project's own files, else 1, 2, 3, ..."""
+    """Return the numbers of the postures: from ``time`` in this project's own files, else 1, 2, 3, ..."""
     time = table.columns.get("time")
     if "motion" in table.header and time is not None and (time == np.round(time)).all():
         return time.astype(np.int64)

@@ -1,4 +1,4 @@
-"""Any file that holds motions, as a table of postures: the kind is known by its ending, and of a CSV by its columns."""
+"""Reading of any file that holds motions as a table of postures; its extension, and a CSV's columns, tell its kind."""
 
 import os
 from collections.abc import Sequence
@@ -27,12 +27,12 @@ from motions.motion_csv.reading import read_motions
 from motions.table import Motions
 
 _MOST_NAMED = 20
-"""Columns in a message."""
+"""Maximum number of columns in a message."""
 
 _OF_ANGLES = (".mot", ".sto")
 
 ARM = ("GH", "EM", "EL")
-"""Without one of them there is no elevation."""
+"""Landmarks that the elevation of the arm needs."""
 
 
 def read_trial(
@@ -46,10 +46,13 @@ def read_trial(
 ) -> Motions:
     """Read the postures of a trial of one subject (.c3d, .trc, .mot, .sto, .csv, .tsv), as ``girdle convert`` does.
 
-    mapping: a TOML file with your names of markers and angles, and the unit. subject, motion: the name of the file,
-    where neither it nor you say them. at_deg: elevations of the arm at which positions are sampled; none: each frame
-    is a posture. static: trials in which the landmarks were palpated that the mapping's clusters carry into this one.
-    InputError if the file cannot be read; InputWarning if its angles with the arm lowest are no person's.
+    - ``mapping``: a TOML file with your names of markers and angles, and the unit.
+    - ``subject``, ``motion``: names; by default those in the file, else the name of the file.
+    - ``at_deg``: elevations of the arm at which the trial is sampled; without any, each frame is a posture.
+    - ``static``: trials with palpated landmarks, which the clusters of the mapping carry into this trial.
+
+    Raise InputError if the file cannot be read. Issue an InputWarning if its angles with the arm lowest are no
+    person's.
     """
     labels = Labels(subject, motion, side, tuple(sorted(set(at_deg))))
     names = read_mapping(None if mapping is None else Path(mapping))
@@ -57,7 +60,7 @@ def read_trial(
 
 
 def read_calibration(statics: Sequence[Path], mapping: Mapping, labels: Labels) -> Calibration | None:
-    """Read static trials of one person; None without any. InputError if they do not calibrate the clusters."""
+    """Read static trials of one person; None without any. Raise InputError if they do not calibrate the clusters."""
     found = []
     for path in statics:
         markers = read_markers(path)
@@ -69,9 +72,9 @@ def read_calibration(statics: Sequence[Path], mapping: Mapping, labels: Labels) 
 
 
 def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibration | None = None) -> Motions:
-    """Read the postures in a file of any kind, or in a Spartacus checkout. InputError if it is of no known kind.
+    """Read the postures in a file of any kind, or in a Spartacus checkout. Raise InputError if the kind is not known.
 
-    labels.subject and labels.motion may be empty: then the file's own words for them, else its name, stand for them.
+    If ``labels.subject`` or ``labels.motion`` is empty, the name in the file is used, else the name of the file.
     """
     if path.is_dir():
         if not is_spartacus(path):
@@ -98,7 +101,7 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
 
 
 def _check_columns(path: Path) -> None:
-    """InputError if the header has nothing of a motion file: it is then none that lacks some columns."""
+    """Raise InputError if no column is a motion file's: then a list of missing columns would not help."""
     columns = [column for column in read_head(path).columns() if column]
     if columns and not any(word in column.lower() for column in columns for word in ("clavicle", "scapula", "subject")):
         cause = f"the header has neither angles nor positions of markers, but {listed(columns, _MOST_NAMED)}"
@@ -111,14 +114,14 @@ def _check_columns(path: Path) -> None:
 
 
 def _check_unused(labels: Labels, path: Path, own: str) -> None:
-    """InputError if options are given that would change nothing, as the file has its own words for them."""
+    """Raise InputError for options that would change nothing, because the file has its own values."""
     if labels.subject or labels.motion or labels.at_deg or labels.side != "right":
         cause = f"it has its own {own}: --subject, --motion, --side and --at would change nothing"
         raise InputError(str(path), None, cause, "Leave them out")
 
 
 def labels_of_file(labels: Labels, path: Path) -> Labels:
-    """Complete the labels with the name of the file, or of its folder, where they say nothing."""
+    """Fill empty labels with the name of the file, or, for the subject, of its folder if known."""
     return replace(labels, subject=labels.subject or labels.folder or path.stem, motion=labels.motion or path.stem)
 
 
@@ -133,7 +136,7 @@ def _checked(motions: Motions, path: Path) -> Motions:
 
 
 def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration: Calibration | None) -> Motions:
-    """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
+    """Compute the postures of every subject in the file; a subject with wrong landmarks is left out and named."""
     labels = replace(labels, R_lab_global=mapping.R_lab_global)
     trial = None if calibration is None else carry(markers, mapping, calibration)
     lab_mm = landmarks_mm(markers, mapping) if trial is None else trial.lab_mm
@@ -142,7 +145,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
         remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
         warn_input(InputError(markers.file, None, cause, remedy))
     _warn_of_arm(lab_mm, labels, markers.file)
-    if trial is None:  # of a cluster they may be placed in the static trial
+    if trial is None:  # with clusters, the options may place landmarks of the static trial
         _warn_of_unused(lab_mm, labels, markers.file)
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
@@ -159,7 +162,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
 
 
 def _warn_of_arm(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> None:
-    """InputWarning where the arm has some of its landmarks, and no elevation."""
+    """Issue an InputWarning if some, but not all, landmarks are there that the elevation of the arm needs."""
     absent = [name for name in ARM if name not in lab_mm and not (name == "GH" and labels.gh_from_ac)]
     if not absent or len(absent) == len(ARM):
         return
@@ -170,7 +173,7 @@ def _warn_of_arm(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> No
 
 
 def _warn_of_unused(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> None:
-    """Warn of what would be placed, had it not been measured."""
+    """Warn of options that would place a landmark that was measured."""
     placed = {"AC": labels.aa_to_ac, "SC": labels.sc_from_ij, "GH": labels.gh_from_ac}
     for name, option in (("AC", "--aa-to-ac"), ("SC", "--sc-from-ij"), ("GH", "--gh-from-ac")):
         if placed[name] is not None and name in lab_mm:
@@ -181,7 +184,7 @@ def _warn_of_unused(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) ->
 def _of_shoulder(
     lab_mm: dict[str, np.ndarray], labels: Labels, trial: CarriedTrial | None, rows: np.ndarray, file: str
 ) -> Motions:
-    """The postures of one subject, marked where a cluster carried the landmarks or GH was placed."""
+    """Compute the postures of one subject, with marks if a cluster carried the landmarks or GH is estimated."""
     offset = labels.gh_from_ac
     complete = lab_mm if offset is None else place_gh(lab_mm, offset, labels.side)
     part = postures_from_landmarks(complete, labels, file, trial is not None and "scapula" in trial.residuals_mm)
@@ -197,9 +200,9 @@ def _of_shoulder(
 
 
 def marker_groups(markers: Markers, labels: Labels) -> list[tuple[np.ndarray, Labels]]:
-    """Find the rows that go together, and whose they are: those of a subject, and to be sampled, of one of its motions.
+    """Group the rows by subject and side, and for sampling also by motion; return rows and labels of each group.
 
-    What the file says of a row wins over the labels.
+    The values of a row in the file override the labels.
     """
     count = markers.positions.shape[2]
     said = {key: markers.rows.get(key, [""] * count) for key in ("subject", "motion", "side")}
@@ -220,7 +223,7 @@ def _side(word: str, file: str) -> Side:
 
 
 def _with_rows(part: Motions, markers: Markers, rows: np.ndarray) -> Motions:
-    """The postures with the motions and numbers of their rows in the file, where it says them."""
+    """Give the postures the motions and numbers of their rows in the file, where it has them."""
     kept = rows[part.posture - 1]
     if "motion" in markers.rows:
         part = replace(part, motion=np.array([markers.rows["motion"][k] or part.motion[0] for k in kept]))

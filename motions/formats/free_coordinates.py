@@ -1,4 +1,4 @@
-"""The three free coordinates of the girdle, AC_y, AC_z and TS_x, as files have them (thesis 3.2.2)."""
+"""Reading of the three free coordinates of the girdle, AC_y, AC_z and TS_x (thesis 3.2.2)."""
 
 from pathlib import Path
 
@@ -16,22 +16,22 @@ from motions.motion_csv.rows import CsvTable, read_table
 from motions.table import Motions
 
 FREE_COORDINATES = ("AC_y", "AC_z", "TS_x")
-"""The order of every vector of free coordinates, mm, thorax frame."""
+"""Free coordinates in the order of every vector of them, mm, thorax frame."""
 
 COORDINATE_COLUMNS = tuple(f"{name}_mm" for name in FREE_COORDINATES)
 
 _DRIVEN = "driven"
-"""What a motion is called whose file does not say it."""
+"""Name of a motion that the file does not name."""
 
 _ELEVATION = "humerus_elevation_deg"
 
 
 def read_free_coordinates(path: Path) -> Motions:
-    """Read postures whose AC has y and z, and whose TS has x; the rest of these positions may be NaN.
+    """Read postures with y and z of AC, and x of TS; the other coordinates of these landmarks may be NaN.
 
-    A motion file with positions of AC and TS; or any CSV with the columns AC_y_mm, AC_z_mm and TS_x_mm (or _cm, _m),
-    thorax frame of a right shoulder, and, if need be, subject, motion, posture and humerus_elevation_deg. Of the latter
-    no angle is known. InputError where a coordinate is missing.
+    The file is a motion file with positions of AC and TS, or any CSV with the columns AC_y_mm, AC_z_mm and TS_x_mm (or
+    _cm, _m), in the thorax frame of a right shoulder, and optionally subject, motion, posture and
+    humerus_elevation_deg. Such a CSV has no angles: they are NaN. Raise InputError if a coordinate is missing.
     """
     table = read_table(path)
     if {*landmark_columns("AC"), *landmark_columns("TS"), "subject", "clavicle_y_deg"} <= set(table.columns):
@@ -40,7 +40,7 @@ def read_free_coordinates(path: Path) -> Motions:
 
 
 def coordinates_mm(motions: Motions) -> Float[np.ndarray, "3 postures"]:
-    """Give AC_y, AC_z and TS_x of the positions of AC and TS."""
+    """Return AC_y, AC_z and TS_x from the positions of AC and TS."""
     AC, TS = motions.landmarks_mm["AC"], motions.landmarks_mm["TS"]
     return np.stack([AC[:, 1], AC[:, 2], TS[:, 0]])
 
@@ -83,7 +83,10 @@ def _of_table(table: CsvTable, path: Path) -> Motions:
 
 
 def _postures(table: CsvTable, subject: list[str], motion: list[str], file: str) -> np.ndarray:
-    """The numbers in the column, each once in a motion; by default those of the rows of the motion, from 1."""
+    """Return the numbers of the postures; where the file has none, number the rows of a motion from 1.
+
+    Raise InputError if a motion has the same number twice, or a cell is no whole number.
+    """
     counts: dict[tuple[str, str], int] = {}
     found, lines = [], dict[tuple[str, str, int], int]()
     for row, *whose in zip(table.rows, subject, motion, strict=True):

@@ -1,12 +1,12 @@
-"""ISB's angles of clavicle and scapula (Wu et al., J. Biomech. 38 (2005) 981-992) and the thesis's, both ways.
+"""Conversion between ISB's angles of clavicle and scapula (Wu et al., J. Biomech. 38 (2005) 981-992) and the thesis's.
 
 ISB: R = Ry(alpha) Rx(beta) Rz(gamma), x forward, y up, z right. Thesis: R = Ry(a) Rz(b) Rx(c), x right, y up, z
-backward. The axes are the same but for names, (x, y, z)_thesis = (z, y, -x)_ISB, so the sequences are the same too:
+backward. The axes differ in name only, (x, y, z)_thesis = (z, y, -x)_ISB, so the sequences are the same too:
 
     (a, b, c) = (alpha, -beta, gamma).
 
-This changes the names of axes only. ISB's scapula frame goes through AA, the thesis's through AC:
-`motions.landmarks.acromion`.
+The conversion changes names of axes only. ISB's scapula frame goes through AA, the thesis's through AC:
+``motions.landmarks.acromion`` converts between them.
 """
 
 import numpy as np

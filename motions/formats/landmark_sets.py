@@ -1,4 +1,4 @@
-"""Landmarks, or any named points of bones, of one file: by whom, in its own frame, posture by posture."""
+"""Landmarks, or any named points of bones, in a file: by subject and posture, in the file's own frame."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,24 +18,24 @@ from motions.motion_csv.rows import read_table
 
 @dataclass(frozen=True)
 class LandmarkSet:
-    """The points of one subject, right-handed, mm; NaN is a gap."""
+    """Points of one subject, in a right-handed frame, mm; NaN where not measured."""
 
     subject: str
     points_mm: dict[str, Float[np.ndarray, "3 postures"]]
     postures: tuple[str, ...]
 
     def mean_mm(self) -> dict[str, Float[np.ndarray, "3"]]:
-        """Give the place of each point in the only posture. ValueError where there are several."""
+        """Return the position of each point in the only posture. Raise ValueError if there are several postures."""
         if len(self.postures) > 1:
             raise ValueError(f"it has {len(self.postures)} postures")
         return {name: place[:, 0] for name, place in self.points_mm.items() if np.isfinite(place[:, 0]).all()}
 
 
 def read_landmark_sets(path: Path, mapping: Mapping) -> list[LandmarkSet]:
-    """Read the points of every subject: of a CSV with the columns landmark, x_mm, y_mm, z_mm, or a file of markers.
+    """Read the points of every subject from a file of markers, or a CSV with the columns landmark, x_mm, y_mm, z_mm.
 
-    Of markers the landmarks of Appendix A by their names here (``mapping``); where there is none, all markers by the
-    file's names. InputError where the file holds neither.
+    A file of markers gives the landmarks of Appendix A under their names here (``mapping``); if it has none, all
+    markers under the file's names. Raise InputError if the file holds neither.
     """
     if path.suffix.lower() == ".csv" and "landmark" in read_table(path).columns:
         points = {name: place[:, None] for name, place in read_landmarks(path).items()}

@@ -1,4 +1,4 @@
-"""Angles in OpenSim's .mot and .sto files: lines of key=value up to `endheader`, then columns under their names."""
+"""Angles in OpenSim's .mot and .sto files: lines of key=value up to ``endheader``, then columns under their names."""
 
 import io
 import re
@@ -19,24 +19,25 @@ _ALIASES = {"datarows": "nrows", "nr": "nrows", "datacolumns": "ncolumns", "nc":
 
 @dataclass(frozen=True, eq=False)
 class AngleTable:
-    """A .mot or .sto file: its header and its columns, angles in degrees. NaN is not measured."""
+    """Header and columns of a .mot or .sto file, with angles in degrees; NaN means not measured."""
 
     file: str
     header: dict[str, str]
     columns: dict[str, Float[np.ndarray, " rows"]]
     unit_line: int | None = None
-    """The line that says inDegrees."""
+    """Line of the file that says inDegrees."""
 
     @property
     def count(self) -> int:
-        """The number of rows."""
+        """Number of rows."""
         return len(next(iter(self.columns.values())))
 
 
 def read_mot(path: Path) -> AngleTable:
-    """Read the file with all columns but time in degrees, as its header's inDegrees says.
+    """Read the file, and convert all columns but time to degrees, as inDegrees in its header says.
 
-    InputError if the file is none, does not say inDegrees, or has not the rows and columns that its header says.
+    Raise InputError if the file is of another kind, does not say inDegrees, or does not have the rows and columns that
+    its header says.
     """
     file = str(path)
     lines = plain_lines(read_export(path, "Export it from OpenSim"))
@@ -71,9 +72,9 @@ def read_mot(path: Path) -> AngleTable:
 
 
 def write_mot(table: AngleTable, path: Path) -> None:
-    """Write the file, whole or not at all; reading it gives the same numbers bit by bit.
+    """Write the file, whole or not at all; reading it gives bitwise equal numbers.
 
-    Lines of the header that OpenSim does not know are read over by it. InputError if it cannot be written.
+    OpenSim skips lines of the header that it does not know. Raise InputError if the file cannot be written.
     """
     frame = pd.DataFrame(table.columns)
     known = {"version": "1", "nRows": str(len(frame)), "nColumns": str(len(frame.columns)), "inDegrees": "yes"}
@@ -84,7 +85,7 @@ def write_mot(table: AngleTable, path: Path) -> None:
 
 
 def _separator(names: str) -> str | None:
-    """What separates the cells, by the line of the names: blanks or tabs (None) as in OpenSim, or a spreadsheet's."""
+    """Find the separator by the line of the names: None for blanks or tabs, as in OpenSim, else a spreadsheet's."""
     return None if len(names.split()) > 1 else next((one for one in ",;" if one in names), None)
 
 
@@ -93,14 +94,14 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _key_value(line: str) -> tuple[str, str]:
-    """A line of the header. OpenSim and SIMM separate key and value by =, blanks or tabs and differ in the keys."""
+    """Split a line of the header at =, blanks or tabs; OpenSim and SIMM use different keys, which are unified."""
     key, value = (*re.split(r"[ \t=]+", line.strip(), maxsplit=1), "")[:2]
     key = key.lower()
     return _ALIASES.get(key, key), value.strip()
 
 
 def _check_count(header: dict[str, str], key: str, found: int, file: str) -> None:
-    """InputError if the header says another number; it need not say any."""
+    """Raise InputError if the header says another number; it need not say any."""
     said = header.get(key)
     if said is not None and said != str(found):
         cause = f"the header says {key}={said} but the file has {found}"
@@ -109,7 +110,7 @@ def _check_count(header: dict[str, str], key: str, found: int, file: str) -> Non
 
 
 def _degrees(header: dict[str, str], file: str) -> float:
-    """Degrees in the file's unit of angle."""
+    """Return the number of degrees in the file's unit of angle. Raise InputError if the header does not say it."""
     said = header.get(_UNIT, "").lower()
     if said not in ("yes", "no"):
         cause = "the header does not say whether angles are in degrees"

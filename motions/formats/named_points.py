@@ -1,4 +1,4 @@
-"""Points with names in a CSV file: landmarks or attachments of a bone, one row a point."""
+"""Named points in a CSV file: landmarks or attachments of a bone, one row per point."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,24 +12,24 @@ from motions.landmarks.mapping import UNITS_MM
 from motions.motion_csv.rows import Row, read_table
 
 SHAPE = "shape"
-"""The column that says what the points of a name are together."""
+"""Column with the shape that the points of one name form together."""
 
 
 @dataclass(frozen=True)
 class NamedPoints:
-    """The points of one name, in the order of the file, mm, in the file's own frame."""
+    """Points of one name, in the order of the file, mm, in the file's own frame."""
 
     points_mm: Float[np.ndarray, "3 points"]
     shape: str
-    """Empty where the file does not say it."""
+    """Shape; empty if the file does not say it."""
     line: int
-    """Of the first."""
+    """Line of the first point."""
 
 
 def read_named_points(path: Path, name_column: str) -> dict[str, NamedPoints]:
-    """Read points by name from the columns ``name_column``, x_mm, y_mm, z_mm (or _cm, _m) and, if need be, shape.
+    """Read points by name from the columns ``name_column``, x_mm, y_mm, z_mm (or _cm, _m) and optionally shape.
 
-    InputError where a cell is empty or no number, or where the rows of one name have two shapes.
+    Raise InputError if a cell is empty or no number, or if the rows of one name have two shapes.
     """
     table, file = read_table(path), str(path)
     unit = next((u for u in UNITS_MM if all(f"{axis}_{u}" in table.columns for axis in "xyz")), None)
@@ -52,7 +52,7 @@ def read_named_points(path: Path, name_column: str) -> dict[str, NamedPoints]:
 
 
 def read_landmarks(path: Path) -> dict[str, Float[np.ndarray, "3"]]:
-    """Read one point of each name, the column ``landmark``. InputError where a name stands there twice."""
+    """Read one point per name from the column ``landmark``. Raise InputError if a name appears twice."""
     found = read_named_points(path, "landmark")
     for name, one in found.items():
         if one.points_mm.shape[1] > 1:

@@ -1,4 +1,4 @@
-"""What was measured of persons: landmarks in one or more postures, and points on their bones, in the thorax frame."""
+"""Measurements of persons: landmarks in one or more postures, and points on their bones, in the thorax frame."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -28,49 +28,49 @@ from motions.motion_csv.rows import CsvTable, Row, read_table
 from motions.rotations import DEG, rotate
 
 SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "scapula")
-"""What a point may lie on (thesis 4.3.3, 4.3.5)."""
+"""Surfaces on which a point may lie (thesis 4.3.3, 4.3.5)."""
 
 
 _FROM_IJ_MM = (60.0, 1000.0)
-"""How far the farthest point of a surface is from IJ, but for the SC joint beside it. Centimetres taken for mm are at
-most 45, and what is farther is in another frame than the landmarks."""
+"""Range, in mm, of the distance of a surface's farthest point from IJ; not for the SC joint, which lies beside IJ.
+Centimetres taken for mm are at most 45, and points beyond the range are in another frame than the landmarks."""
 
 _MOST_NAMED = 10
-"""Postures in a message."""
+"""Maximum number of postures in a message."""
 
 _STAND_IN_OPTIONS = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
 
 
 @dataclass(frozen=True, eq=False)
 class PersonLandmarks:
-    """One shoulder, as a right one: landmarks by posture and points by surface, thorax frame, mm."""
+    """Landmarks by posture and points by surface of one shoulder, as a right one, in the thorax frame, mm."""
 
     subject: str
     file: str
     side: Side
     landmarks_mm: dict[str, Float[np.ndarray, "3 postures"]]
     postures: tuple[str, ...]
-    """Their names: the motion and the number, as the file has them."""
+    """Names of the postures: motion and number, as in the file."""
     elevation_deg: Float[np.ndarray, " postures"]
-    """Of the humerus; NaN where it was not measured."""
+    """Elevation of the humerus in degrees; NaN where not measured."""
     stand_ins: dict[str, str]
-    """Landmarks that were not measured, and where they are from."""
+    """Estimated landmarks, and the source of each."""
     points_mm: dict[str, Float[np.ndarray, "3 points"]] = field(default_factory=dict)
     frames: "Frames | None" = None
-    """Of the thorax in the file's own frame, by posture."""
+    """Frame of the thorax in the file's own frame, per posture."""
 
     def in_thorax_mm(self, file_mm: Float[np.ndarray, "3 points"], posture: int = 0) -> Float[np.ndarray, "3 points"]:
-        """Bring points in the frame of the landmarks of a posture into the thorax frame of a right shoulder."""
+        """Convert points from the frame of the landmarks in a posture to the thorax frame of a right shoulder."""
         assert self.frames is not None  # read_persons has set them
         return _moved(file_mm, np.full(file_mm.shape[1], posture), self.frames, self.side)
 
     def described(self, posture: int) -> str:
-        """Name a posture with its elevation of the arm."""
+        """Write the name of a posture with its elevation of the arm."""
         height = self.elevation_deg[posture]
         return self.postures[posture] + ("" if np.isnan(height) else f", arm at {height:.0f} degrees")
 
     def named(self, posture: str) -> int:
-        """Find a posture by its name, or by its number alone. InputError if there is none or if several have it."""
+        """Find a posture by its name, or by its number alone. Raise InputError if none or several have it."""
         found = [k for k, name in enumerate(self.postures) if posture in (name, name.rpartition(" ")[2])]
         if len(found) == 1:
             return found[0]
@@ -81,11 +81,12 @@ class PersonLandmarks:
 def read_persons(
     path: Path, mapping: Mapping, labels: Labels, points: Path | None = None, calibration: Calibration | None = None
 ) -> tuple[list[PersonLandmarks], list[InputError]]:
-    """Read every subject of a file of positions, or of a motion file that has landmarks; and why others are left out.
+    """Read the subjects in a file of positions or a motion file with landmarks, and the errors of those left out.
 
-    AC that was not measured is placed from AA, SC from IJ, where ``labels`` say how. ``points``: a CSV file with
-    the columns surface, x_mm, y_mm, z_mm (or _cm, _m) and, if need be, subject and posture, in the frame of the
-    landmarks in that posture (by default the subject's first). ``calibration``: of clusters that carry landmarks.
+    - ``labels`` say how AC is estimated from AA, and SC from IJ, if they were not measured.
+    - ``points``: a CSV file with the columns surface, x_mm, y_mm, z_mm (or _cm, _m) and optionally subject and posture,
+      in the frame of the landmarks in that posture (by default the subject's first).
+    - ``calibration``: calibration of clusters that carry landmarks.
     """
     markers = read_markers(path)
     if calibration is not None and markers is None:
@@ -113,7 +114,7 @@ def read_persons(
 
 
 Frames = tuple[Float[np.ndarray, " 3 3 postures"], Float[np.ndarray, "3 postures"]]
-"""R_file_thorax and IJ of each posture."""
+"""R_file_thorax and position of IJ, per posture."""
 
 
 def _of_markers(
@@ -171,7 +172,7 @@ def _complete(
     table: CsvTable | None,
     mapping: Mapping,
 ) -> PersonLandmarks:
-    """The person with what stands in for SC and AC, and with its points."""
+    """Add the estimated landmarks SC and AC, and the points of the person. Raise InputError if SC or AC is missing."""
     placed, said = with_stand_ins(person.landmarks_mm, labels.aa_to_ac, labels.sc_from_ij)
     for name, remedy in _STAND_IN_OPTIONS.items():
         if name not in placed:
@@ -184,7 +185,7 @@ def _complete(
 def _points(
     path: Path, table: CsvTable, person: PersonLandmarks, frames: Frames, mapping: Mapping
 ) -> dict[str, Float[np.ndarray, "3 points"]]:
-    """The subject's points by surface, thorax frame."""
+    """Read the subject's points by surface, in the thorax frame."""
     file = str(path)
     unit = next((u for u in UNITS_MM if all(f"{axis}_{u}" in table.columns for axis in "xyz")), None)
     if "surface" not in table.columns or unit is None:
@@ -207,7 +208,7 @@ def _points(
 
 
 def _check_place(surface: str, points_mm: Float[np.ndarray, "3 points"], file: str, subject: str) -> None:
-    """InputError where points cannot be on a person, in mm and in the frame of the landmarks."""
+    """Raise InputError if points cannot be on a person, in mm and in the frame of the landmarks."""
     farthest, (least, most) = float(np.linalg.norm(points_mm, axis=0).max()), _FROM_IJ_MM
     if surface != "sc_joint" and not least <= farthest <= most:
         cause = f"subject {subject!r}: the farthest point of {surface} is {farthest:.3g} mm from IJ"
@@ -216,7 +217,7 @@ def _check_place(surface: str, points_mm: Float[np.ndarray, "3 points"], file: s
 
 
 def check_surface(surface: str, file: str, line: int | None = None) -> None:
-    """Raise InputError where there is no such surface."""
+    """Raise InputError if there is no such surface."""
     if surface not in SURFACES:
         raise InputError(file, line, f"there is no surface {surface!r}", f"Use one of {', '.join(SURFACES)}")
 

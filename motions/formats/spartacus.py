@@ -1,17 +1,19 @@
-"""A checkout of Spartacus, the public collection of measured shoulder kinematics (doi 10.5281/zenodo.11455521).
+"""Checkout of Spartacus, the public collection of measured shoulder kinematics (doi 10.5281/zenodo.11455521).
 
-`spartacus/dataset/dataset_of_datasets.csv` has a row a study with the axes of its bones' frames in words,
-`dataset_clean_of_joint_data.csv` a row for each joint, motion and shoulder with its sequence of angles and the names
-of three files in `spartacus/data/FOLDER`, of two columns without names: angle of the arm, angle of the bone (degrees).
+``spartacus/dataset/dataset_of_datasets.csv`` has one row per study, with the axes of its bones' frames in words.
+``dataset_clean_of_joint_data.csv`` has one row per joint, motion and shoulder, with the sequence of angles and the
+names of three files in ``spartacus/data/FOLDER``. These have two columns without names: angle of the arm, angle of the
+bone (degrees).
 
-Read are studies of clavicle and scapula against an anatomical thorax in ISB's axes and sequence yx'z''. What is known
-to be wrong in the collection is met so:
+Only studies of clavicle and scapula against an anatomical thorax in ISB's axes and sequence yx'z'' are read. Known
+errors of the collection are treated as follows:
 
-- its matrix of Kolz 2020 from AC to AA is applied transposed: not used here, see `motions.landmarks.acromion`;
-- Moissenet's files of upward rotation have the opposite sign of ISB's beta, and `corrections.csv` turns only those of
-  the elevations round, not of horizontal flexion and axial rotation: turned round here in every motion;
-- the columns of clavicular protraction and elevation are swapped for Matsuki: an angle is known here by the name of
-  its file, not by its column. (Matsuki's thorax is the imaging frame, its scapula goes through the glenoid: left out.)
+- The collection applies its matrix of Kolz 2020 from AC to AA transposed: the matrix is not used here, see
+  ``motions.landmarks.acromion``.
+- Moissenet's files of upward rotation have the opposite sign of ISB's beta, and ``corrections.csv`` turns only the
+  elevations round, not horizontal flexion and axial rotation: the sign is turned round here in every motion.
+- The columns of clavicular protraction and elevation are swapped for Matsuki: an angle is known here by the name of its
+  file, not by its column. (Matsuki's thorax is the imaging frame, its scapula goes through the glenoid: left out.)
 """
 
 from collections.abc import Callable, Sequence
@@ -67,7 +69,7 @@ _FILES = {
     "scapula_beta": "ST_medRotation",
     "scapula_gamma": "ST_tilt",
 }
-"""How the name of an angle's file starts."""
+"""Beginning of the file names of each angle."""
 
 _MOTIONS = {
     "frontal plane elevation": ("frontal_elevation", None),
@@ -77,24 +79,24 @@ _MOTIONS = {
     "internal-external rotation 0 degree-abducted": ("axial_rotation", 0.0),
     "internal-external rotation 90 degree-abducted": ("axial_rotation_90", 90.0),
 }
-"""A motion's name here, and the elevation of the arm in it; None: it is the files' first column."""
+"""Name of each motion here, and elevation of the arm in it; None if the first column of the files is the elevation."""
 
 _TURNED_ROUND = ("#14_Moissenet_et_al", "ST_medRotation")
-"""Folder, and how the names of the files start, whose angle has the opposite sign of ISB's."""
+"""Folder, and beginning of the file names, of an angle with the opposite sign of ISB's."""
 
 STEP_DEG = 10.0
-"""Postures at every multiple of it that all files of a motion reach, as in the studies' own tables."""
+"""Step in degrees: postures are at its multiples that all files of a motion reach, as in the studies' own tables."""
 
 
 @dataclass(frozen=True)
 class _Curve:
-    """An angle over the angle of the arm, degrees."""
+    """Angle of a bone over the angle of the arm, in degrees."""
 
     arm_deg: Float[np.ndarray, " rows"]
     angle_deg: Float[np.ndarray, " rows"]
 
     def at(self, arm_deg: Float[np.ndarray, " grid"]) -> Float[np.ndarray, " grid"]:
-        """Dense curves, such as 1500 rows of a recorded motion, are smoothed as a trial is; others interpolated."""
+        """Sample the curve: smooth a dense one as a trial, such as 1500 rows of a recorded motion, else interpolate."""
         if len(self.arm_deg) > 20 * len(arm_deg):
             sampled = resample(self.arm_deg, self.angle_deg[:, None], arm_deg)
             return np.interp(arm_deg, sampled.at_deg, sampled.values[:, 0])
@@ -103,16 +105,15 @@ class _Curve:
 
 
 def is_spartacus(folder: Path) -> bool:
-    """Tell whether the folder is a checkout of the collection."""
+    """Check whether the folder is a checkout of the collection."""
     return (folder / _STUDIES).is_file() and (folder / _JOINTS).is_file()
 
 
 def read_spartacus(folder: Path, labels: Labels) -> Motions:
-    """Read all shoulders of the collection whose clavicle and scapula this project's frames can express.
+    """Read all shoulders of the collection whose clavicle and scapula this project's frames can express, as right ones.
 
-    All become right shoulders.
-
-    Scapulae through AA need `labels.aa_to_ac`. What cannot be used is named in `rejected`. InputError if nothing can.
+    Scapulae through AA need ``labels.aa_to_ac``. Studies and shoulders that cannot be used are named in ``rejected``.
+    Raise InputError if none can be used.
     """
     joints: dict[str, list[Row]] = {}
     for row in read_table(folder / _JOINTS, _has(_COLUMNS_OF_JOINT)).rows:
@@ -143,7 +144,7 @@ def read_spartacus(folder: Path, labels: Labels) -> Motions:
 
 
 def _has(names: Sequence[str]) -> Callable[[list[str], str, int], None]:
-    """A check that a table has these columns, once each."""
+    """Make a check that a table has each of these columns exactly once."""
 
     def check(columns: list[str], file: str, line: int) -> None:
         wrong = [name for name in names if columns.count(name) != 1]
@@ -158,7 +159,7 @@ def _left_out(study: Row, why: str, remedy: str) -> InputError:
 
 
 def _scapula_landmark(study: Row, rows: list[Row]) -> str:
-    """AC or AA, through which the study's scapula frame goes. InputError if its frames or angles are others."""
+    """Return the landmark, AC or AA, of the study's scapula frame. Raise InputError for other frames or angles."""
     remedy = "Only studies in ISB's axes and sequence, with clavicle and scapula against the thorax, are read"
     through = _SCAPULA_Z.get(study.cells["scapula_z_direction"].strip())
     if study.cells["thorax_y_direction"].strip() != _THORAX_Y or through is None:
@@ -174,7 +175,7 @@ def _scapula_landmark(study: Row, rows: list[Row]) -> str:
 
 
 def _shoulder(folder: Path, study: Row, rows: list[Row], through: str, labels: Labels) -> Motions:
-    """All motions of one shoulder in which both bones were measured."""
+    """Read all motions of one shoulder in which both bones were measured."""
     first = study.cells["dataset_authors"].split()[:1] or ["unknown"]
     name = first[0].lower() + study.cells["dataset_year"].strip()
     number = rows[0].cells["shoulder_id"].strip()
@@ -198,7 +199,7 @@ def _shoulder(folder: Path, study: Row, rows: list[Row], through: str, labels: L
 
 
 def _files(folder: Path, rows: list[Row]) -> dict[str, _Curve]:
-    """The curves of a motion by ISB's names of their angles, found by the names of their files."""
+    """Read the curves of a motion, by ISB's names of their angles, which the names of their files tell."""
     curves = {}
     for row in rows:
         if row.cells["joint"].strip() not in _JOINT_OF:
@@ -216,7 +217,7 @@ def _files(folder: Path, rows: list[Row]) -> dict[str, _Curve]:
 
 
 def _corrections(data: Path) -> dict[str, float]:
-    """The factors by which the collection itself multiplies some files, from `corrections.csv`."""
+    """Read the factors by which the collection itself multiplies some files, from ``corrections.csv``."""
     path = data / "corrections.csv"
     if not path.is_file():
         return {}
@@ -237,7 +238,7 @@ def _curve(path: Path, sign: float) -> _Curve:
 
 
 def _sampled(files: dict[str, _Curve], folder: Path):
-    """The multiples of STEP_DEG of the arm's angle that all files reach, and ISB_ANGLES there, degrees."""
+    """Sample ISB_ANGLES in degrees at the multiples of STEP_DEG of the arm's angle that all files reach."""
     low = max(float(curve.arm_deg.min()) for curve in files.values())
     high = min(float(curve.arm_deg.max()) for curve in files.values())
     arm_deg = STEP_DEG * np.arange(np.ceil(low / STEP_DEG - 1e-9), np.floor(high / STEP_DEG + 1e-9) + 1)

@@ -1,4 +1,4 @@
-"""Text that programs of laboratories write: its encoding, separators, decimal commas and numbers."""
+"""Text as programs of laboratories write it: encoding, separators, decimal commas and numbers."""
 
 import io
 import re
@@ -15,16 +15,16 @@ from motions.motion_csv.cells import NOT_MEASURED, to_number
 from motions.motion_csv.rows import cells_of_lines
 
 SEPARATORS = ("\t", ";", "|", ",")
-"""Between the cells of a line; a comma may be a decimal one beside the others."""
+"""Separators of the cells of a line; beside another separator, a comma may be a decimal comma."""
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-"""How a spreadsheet's `Unicode text` begins."""
+"""Byte order marks at the beginning of a spreadsheet's ``Unicode text``."""
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 
 class Line(NamedTuple):
-    """A line of a table: its number in the file, from 1, and its cells without the blanks round them."""
+    """Line of a table: its number in the file, from 1, and its cells without surrounding blanks."""
 
     number: int
     cells: list[str]
@@ -33,7 +33,7 @@ class Line(NamedTuple):
 def read_export(path: Path, remedy: str) -> str:
     """Read a text file in UTF-8, UTF-16 (with its mark) or else Windows-1252, in which older programs write accents.
 
-    InputError if it cannot be read, or is not text: the remedy says how to export it.
+    Raise InputError if the file cannot be read or is not text; ``remedy`` says how to export it.
     """
     text = decoded(read_bytes(path))
     refuse_binary(text, path, remedy)
@@ -41,7 +41,7 @@ def read_export(path: Path, remedy: str) -> str:
 
 
 def decoded(content: bytes) -> str:
-    """Decode text in UTF-8, UTF-16 or Windows-1252; a byte that means nothing in the last is one of Latin-1."""
+    """Decode text in UTF-8, UTF-16 or Windows-1252, or in Latin-1 if a byte is undefined in Windows-1252."""
     if content.startswith(_UTF_16):
         return content.decode("utf-16", errors="replace")
     try:
@@ -51,11 +51,11 @@ def decoded(content: bytes) -> str:
 
 
 _UNDEFINED = {0x81, 0x8D, 0x8F, 0x90, 0x9D}
-"""Bytes without a meaning in Windows-1252."""
+"""Bytes that are undefined in Windows-1252."""
 
 
 def plain_lines(text: str) -> list[str]:
-    """Split a text at its line ends, and not at other signs that ``str.splitlines`` takes for some.
+    """Split a text at its line ends only; ``str.splitlines`` splits it at other characters too.
 
     Files that went through two systems have two carriage returns before a line feed.
     """
@@ -63,9 +63,10 @@ def plain_lines(text: str) -> list[str]:
 
 
 def separator_of(line: str) -> str | None:
-    """Find what separates the cells of a line, among SEPARATORS; None: blanks.
+    """Find the separator of the cells of a line among SEPARATORS; None for blanks.
 
-    Commas do if there are more of them than cells between tabs or semicolons: they are no decimal ones then.
+    Commas are the separator if there are more of them than cells between tabs or semicolons: then they are no decimal
+    ones.
     """
     outside = re.sub(r'"[^"]*"', "", line)
     count = {separator: outside.count(separator) for separator in SEPARATORS}
@@ -76,7 +77,7 @@ def separator_of(line: str) -> str | None:
 
 
 def split_lines(text: str, separator: str, file: str) -> list[Line]:
-    """Split every line into cells, blank lines included. InputError where quotation marks are not closed."""
+    """Split every line into cells, blank lines included. Raise InputError if quotation marks are not closed."""
     whole = io.StringIO(text.replace("\r\r\n", "\n"), newline="")
     return [Line(start, [cell.strip() for cell in cells]) for start, cells in cells_of_lines(whole, file, separator)]
 
@@ -90,7 +91,7 @@ def with_points(rows: Iterable[Sequence[str]]) -> list[list[str]]:
 
 
 def is_number(cell: str) -> bool:
-    """Tell whether a cell is a number, with a point or a comma."""
+    """Check whether a cell is a number, with a point or a comma."""
     try:
         to_number(cell.replace(",", "."))
     except ValueError:
@@ -99,9 +100,9 @@ def is_number(cell: str) -> bool:
 
 
 def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarray, "rows columns"]:
-    """Read the cells as numbers, NaN where one is empty or says so. InputError at the first that is none.
+    """Read the cells as numbers, NaN if one is empty or says 'not measured'. Raise InputError at the first bad cell.
 
-    rows: the line of the file in which each row of the cells stands.
+    ``rows`` are the lines of the file in which the rows of the cells stand.
     """
     table = np.empty(cells.shape)
     for place, line in enumerate(cells):

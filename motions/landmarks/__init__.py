@@ -1,1 +1,1 @@
-"""From positions of bony landmarks in any laboratory frame to the angles of the girdle (thesis, Appendix A)."""
+"""Angles of the girdle from positions of bony landmarks in any laboratory frame (thesis, Appendix A)."""

@@ -1,11 +1,11 @@
-"""A landmark made of markers, as a mapping file writes it: `2*centijc7 - ij`, `(a + b)/2`, `mean(a, b, c)`.
+"""Formulas of a mapping file for a landmark: ``2*centijc7 - ij``, ``(a + b)/2``, ``mean(a, b, c)`` of markers.
 
-The grammar, with names in quotes where they hold other signs than letters, digits, `_`, `.` and `:`:
+The grammar, with quotes round names that contain characters other than letters, digits, ``_``, ``.`` and ``:``:
 
     sum  = [+|-] term {(+|-) term}        term = factor {*|/ factor}
     factor = number | name | 'name' | (sum) | mean(sum, sum, ...)
 
-A position is a sum of positions whose factors sum to 1, so that it moves with them wherever the origin is.
+The factors of a position sum to 1, so that the landmark moves with its markers whatever the origin is.
 """
 
 import re
@@ -14,22 +14,22 @@ _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?![\w.:]))|(?P<name>'
 _SIGNS = re.compile(r"[-+*/(]")
 
 SUM = 1.0
-"""Of the factors of a position."""
+"""Sum of the factors of a position."""
 
 _ROUNDING = 1e-9
-"""Thirds do not sum to 1 exactly."""
+"""Tolerance of this sum, because thirds do not sum to 1 exactly."""
 
 Factors = dict[str, float]
-"""Of each marker; the constant, which a position has not, under the empty name."""
+"""Factor of each marker, by name; the empty name holds the constant, which no position may have."""
 
 
 def is_formula(text: str) -> bool:
-    """Tell whether a text that is no marker's name may be a formula."""
+    """Check whether a text that is no marker's name may be a formula."""
     return _SIGNS.search(text) is not None
 
 
 def factors_of(text: str) -> Factors:
-    """Read a formula as the factor of each marker. ValueError that says what is wrong with it."""
+    """Parse a formula into the factor of each marker. ValueError, with the reason, where the formula is wrong."""
     reader = _Reader(text)
     found = reader.sum()
     if reader.tokens:
@@ -44,7 +44,7 @@ def factors_of(text: str) -> Factors:
 
 
 class _Reader:
-    """Reads from the left, one token after the other."""
+    """Parser that reads one token after the other, from the left."""
 
     def __init__(self, text: str):
         self.tokens: list[str] = []
@@ -57,7 +57,7 @@ class _Reader:
             place = match.end()
 
     def sum(self) -> Factors:
-        """Read terms with a sign between them."""
+        """Parse a sum of terms."""
         sign = -1.0 if self._next_is("-") else 1.0
         if sign > 0.0:
             self._next_is("+")

@@ -1,7 +1,7 @@
-"""The bones' frames from bony landmarks, and the angles of the humerus (thesis, Appendix A).
+"""Frames of the bones from bony landmarks, and angles of humerus and thorax (thesis, Appendix A). Right shoulder.
 
-Positions are ``(3, *batch)`` in any right-handed frame and any unit; a frame is the matrix ``(3, 3, *batch)`` whose
-columns are its x, y and z axes. NaN in gives NaN out. Right shoulder.
+Positions are ``(3, *batch)`` in any right-handed frame and any unit. A frame is a matrix ``(3, 3, *batch)`` with the x,
+y and z axes as columns. NaN in a landmark gives NaN in the result.
 """
 
 import numpy as np
@@ -14,10 +14,10 @@ Rotations = Float[np.ndarray, " 3 3 *batch"]
 
 
 def thorax_frame(IJ: Points, PX: Points, C7: Points, T8: Points) -> Rotations:
-    """Compute R_lab_thorax, the frame of the thorax, whose origin is IJ.
+    """Compute R_lab_thorax, the frame of the thorax, with origin IJ.
 
-    y from halfway PX-T8 to halfway IJ-C7, x normal to the plane of IJ, C7 and halfway PX-T8, to the right,
-    z = x cross y, backward.
+    y points from halfway PX-T8 to halfway IJ-C7, x to the right, normal to the plane of IJ, C7 and halfway PX-T8, and
+    z = x cross y backward.
     """
     y = unit((IJ + C7) / 2.0 - (PX + T8) / 2.0)
     x = unit(cross(y, C7 - IJ))
@@ -27,8 +27,8 @@ def thorax_frame(IJ: Points, PX: Points, C7: Points, T8: Points) -> Rotations:
 def clavicle_frame(SC: Points, AC: Points, y_thorax: Points) -> Rotations:
     """Compute the frame of the clavicle without axial rotation.
 
-    x from SC to AC, z normal to x and the thorax's y, backward.
-    Two landmarks do not give the axial rotation (Appendix A, note 1).
+    x points from SC to AC, z backward, normal to x and the thorax's y.
+    Two landmarks do not determine the axial rotation (Appendix A, note 1).
     """
     x = unit(AC - SC)
     z = unit(cross(x, y_thorax))
@@ -36,9 +36,9 @@ def clavicle_frame(SC: Points, AC: Points, y_thorax: Points) -> Rotations:
 
 
 def scapula_frame(acromion: Points, TS: Points, AI: Points) -> Rotations:
-    """Compute the frame of the scapula: x from TS to the acromial landmark, z normal to it and AI, backward.
+    """Compute the frame of the scapula: x from TS to the acromial landmark, z backward, normal to x and AI-acromion.
 
-    acromion: AC in the thesis, AA in ISB's recommendation (Wu 2005): frames some 18 degrees apart.
+    ``acromion``: AC in the thesis, AA in ISB's recommendation (Wu 2005); these two frames are some 18 degrees apart.
     """
     x = unit(acromion - TS)
     z = unit(cross(AI - acromion, x))
@@ -46,17 +46,17 @@ def scapula_frame(acromion: Points, TS: Points, AI: Points) -> Rotations:
 
 
 def humerus_frame(GH: Points, EM: Points, EL: Points) -> Rotations:
-    """Compute the frame of the humerus: y from halfway EM-EL to GH, z normal to y and EM-EL, backward."""
+    """Compute the frame of the humerus: y from halfway EM-EL to GH, z backward, normal to y and EM-EL."""
     y = unit(GH - (EM + EL) / 2.0)
     z = unit(cross(EL - EM, y))
     return frame(cross(y, z), y)
 
 
 def humerus_angles(R_thorax_humerus: Rotations) -> Points:
-    """Compute plane of elevation, elevation and axial rotation (p, e, q), radians, of the humerus.
+    """Compute plane of elevation, elevation and axial rotation (p, e, q) of the humerus, radians.
 
     R = Ry(p) Rz(e) Ry(q), 0 <= e <= pi.
-    p = 0 is abduction, p = pi/2 forward flexion. With the arm hanging, e = 0, only p + q is determined.
+    p = 0 is abduction, p = pi/2 forward flexion. With the arm hanging (e = 0), only p + q is determined.
     """
     R = R_thorax_humerus
     return np.stack(
@@ -69,7 +69,7 @@ def humerus_angles(R_thorax_humerus: Rotations) -> Points:
 
 
 def thorax_angles(R_global_thorax: Rotations) -> Points:
-    """Compute backward tilt, torsion and lateral flexion (x, y, z), radians, of the thorax (Appendix A).
+    """Compute backward tilt, torsion and lateral flexion (x, y, z) of the thorax, radians (Appendix A).
 
     R = Rx(x) Ry(y) Rz(z) in the global frame (x right, y up, z backward), -pi/2 <= y <= pi/2. x > 0 is backward,
     y > 0 and z > 0 are to the left.
@@ -103,7 +103,7 @@ def cross(a: Points, b: Points) -> Points:
 
 
 def unit(v: Points) -> Points:
-    """Compute v / |v|; NaN where v is 0, that is where two landmarks that span an axis coincide."""
+    """Compute v / |v|; NaN where v is 0, because the two landmarks of an axis coincide."""
     length = np.sqrt(np.sum(v * v, axis=0))
     return v / np.where(length > 0.0, length, np.nan)
 

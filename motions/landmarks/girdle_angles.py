@@ -1,4 +1,4 @@
-"""The angles of the girdle and of the arm in each frame of a trial, from positions of landmarks."""
+"""Angles of the girdle and the arm in each frame of a trial, from landmark positions."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -27,27 +27,26 @@ from motions.rotations import DEG, cardan_from_rotation, compose, rotate, rotati
 from motions.table import LANDMARKS
 
 CLAVICLE_X = 2
-"""Its place in ANGLES."""
+"""Index of the clavicle's axial rotation in ANGLES."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAngles:
-    """One row a frame, right shoulder, degrees and mm; NaN where a landmark has a gap.
-
-    angles_deg: ANGLES; the clavicle's axial rotation is NaN, as two landmarks do not give it.
-    humerus_deg: plane of elevation, elevation, axial rotation (Y-Z'-Y''). landmarks_mm: thorax frame.
-    """
+    """Angles and positions, one row per frame, of a right shoulder; NaN where a landmark has a gap."""
 
     angles_deg: Float[np.ndarray, "frames 6"]
+    """Angles in the order of ANGLES. The clavicle's axial rotation is NaN, as two landmarks do not determine it."""
     humerus_deg: Float[np.ndarray, "frames 3"]
+    """Plane of elevation, elevation and axial rotation of the humerus (Y-Z'-Y'')."""
     landmarks_mm: dict[str, Float[np.ndarray, "frames 3"]]
-    """Those that were measured: what stands in for one has no position of its own."""
+    """Positions of the measured landmarks, thorax frame. Estimated landmarks are left out."""
     stand_ins: dict[str, str]
-    """Landmarks that were not measured, and what the clavicle's angles take in their place."""
+    """Estimated landmarks for the clavicle's angles, each with the text that says how it was estimated."""
     thorax_deg: Float[np.ndarray, "frames 3"]
-    """Of the thorax in the global frame (``frames.thorax_angles``), as it was measured; NaN where that is not known."""
+    """Angles of the thorax in the global frame (``frames.thorax_angles``), as measured, so not mirrored for a left
+    shoulder; NaN if the global frame is not known."""
     global_axial_deg: Float[np.ndarray, " frames"]
-    """Axial rotation of the clavicle's frame whose z is normal to the global y (Appendix A); NaN where not known."""
+    """Axial rotation of the clavicle's frame with z normal to the global y (Appendix A); NaN where not known."""
 
 
 def frame_angles(
@@ -61,9 +60,10 @@ def frame_angles(
     """Compute the angles of every frame (thesis, Appendix A).
 
     A left shoulder is mirrored in the sagittal plane of its thorax.
-    lab_mm: landmarks in any right-handed frame. aa_to_ac: what brings a scapula through AA to the thesis's frame, where
-    AC was not measured; sc_from_ij: what places SC, where it was not; R_lab_global: the global frame, if it is known.
-    InputError if the first of these is wanting, or if the landmarks are those of the other shoulder.
+    ``lab_mm``: landmarks in any right-handed frame. ``aa_to_ac``: mean rotation from the scapula frame through AA to
+    the thesis's frame, if AC was not measured. ``sc_from_ij``: offset that places SC, if SC was not measured.
+    ``R_lab_global``: the global frame, if known.
+    InputError if AC was not measured and ``aa_to_ac`` is missing, or if the landmarks are of the other shoulder.
     """
     thorax_mm = in_thorax(lab_mm, side, file)
     placed_mm, stand_ins = with_stand_ins(thorax_mm, aa_to_ac, sc_from_ij)
@@ -92,11 +92,12 @@ def frame_angles(
 def estimated_axial_deg(
     angles_deg: Float[np.ndarray, "postures 6"], rest_deg: Float[np.ndarray, "6"], at_rest_deg: float = 0.0
 ) -> Float[np.ndarray, " postures"]:
-    """Estimate the clavicle's axial rotation: the one that turns SC and AC joint least from rest, where it is known.
+    """Estimate the clavicle's axial rotation as the one that turns SC and AC joint least from their rotations at rest.
 
-    Angles in degrees; ``at_rest_deg``: that at rest, 0 by convention. Section 6.3 of the thesis minimises the rotation
-    in both joints, note 1 of its Appendix A (Pronk) in the AC joint alone. On six bone-pin shoulders the former is 1-5
-    degrees (rms) off the measured rotation, the latter 5-11: here it is the former, `clavicle_axial_rotation`.
+    Angles are in degrees; ``at_rest_deg`` is the axial rotation at rest, 0 by convention. Section 6.3 of the thesis
+    minimises the rotation in both joints, note 1 of its Appendix A (Pronk) only in the AC joint. On six bone-pin
+    shoulders, minimising in both joints is 1-5 degrees (rms) off the measured rotation, in the AC joint alone 5-11.
+    This function minimises in both joints, by ``clavicle_axial_rotation``.
     """
     rest = np.where(np.arange(6) == CLAVICLE_X, at_rest_deg, rest_deg) / float(DEG)
     postures = angles_deg.T / float(DEG)
@@ -109,9 +110,9 @@ def estimated_axial_deg(
 def in_thorax(
     lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side, file: str
 ) -> dict[str, Float[np.ndarray, "3 frames"]]:
-    """Bring landmarks into the thorax frame of their own frame of the trial, as those of a right shoulder.
+    """Transform the landmarks of each frame of a trial into the thorax frame; mirror a left shoulder to a right one.
 
-    InputError if the landmarks are those of the other shoulder, or in a left-handed frame.
+    InputError if the landmarks are of the other shoulder, or in a left-handed frame.
     """
     thorax_mm = _in_thorax(lab_mm, side)
     if _is_on_other_side(thorax_mm, file):
@@ -130,12 +131,12 @@ def _in_thorax(
 
 
 def _of_side(side: Side) -> Float[np.ndarray, "3 1"]:
-    """What a vector of the thorax frame is times, to be a right shoulder's."""
+    """Return the factors that make a vector of the thorax frame a right shoulder's."""
     return MIRROR_POSITION[:, None] if side == "left" else np.ones((3, 1))
 
 
 def _swapped_in_thorax(lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side) -> list[str]:
-    """The pairs of landmarks of the thorax whose exchange puts the shoulder on its side: TS behind IJ and above AI."""
+    """List the pairs of thorax landmarks whose exchange puts the shoulder on its side, TS behind IJ and above AI."""
     found = []
     for a, b in combinations(THORAX, 2):
         other = _in_thorax({**lab_mm, a: lab_mm[b], b: lab_mm[a]}, side)
@@ -146,7 +147,7 @@ def _swapped_in_thorax(lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: S
 
 
 def _is_on_other_side(thorax_mm: dict[str, np.ndarray], file: str) -> bool:
-    """Whether the acromion is on the other side of the thorax than it should be."""
+    """Check whether the acromion is on the wrong side of the thorax. InputError if it was never measured."""
     acromion = thorax_mm["AC"] if "AC" in thorax_mm else thorax_mm["AA"]
     measured = np.isfinite(acromion[0])
     if not measured.any():
@@ -157,7 +158,7 @@ def _is_on_other_side(thorax_mm: dict[str, np.ndarray], file: str) -> bool:
 
 
 def _other_side(lab_mm: dict[str, np.ndarray], side: Side, file: str) -> InputError:
-    """The error of a shoulder on the other side: two landmarks of the thorax are swapped, or the side or axes wrong."""
+    """Return the error for a shoulder on the wrong side: thorax landmarks swapped, or wrong side or wrong axes."""
     other = "left" if side == "right" else "right"
     cause = f"the acromion lies on the {other} of IJ, PX, C7 and T8, but the side is {side}"
     swaps = _swapped_in_thorax(lab_mm, side)
@@ -172,7 +173,7 @@ def _other_side(lab_mm: dict[str, np.ndarray], side: Side, file: str) -> InputEr
 def _scapula_deg(
     thorax_mm: dict[str, np.ndarray], file: str, aa_to_ac: AcromionRotation | None
 ) -> Float[np.ndarray, "3 frames"]:
-    """Cardan angles of the scapula frame through AC."""
+    """Compute the Cardan angles of the scapula frame through AC. InputError without AC and ``aa_to_ac``."""
     if "AC" in thorax_mm:
         return _cardan_deg(scapula_frame(thorax_mm["AC"], thorax_mm["TS"], thorax_mm["AI"]))
     if aa_to_ac is None:

@@ -1,19 +1,19 @@
-"""How the humerus was held in each posture: measured, or assumed from the name of the motion.
+"""Orientation of the humerus in each posture: measured, or assumed from the name of the motion.
 
-A motion file needs no more than the elevation. Muscles of the humerus need its whole orientation R = Ry(p) Rz(e) Ry(q)
-(thesis, Appendix A): plane of elevation p (0 abduction, 90 forward flexion), elevation e, axial rotation q (internal
-positive). In this order:
+A motion file needs only the elevation. Muscles of the humerus need its whole orientation R = Ry(p) Rz(e) Ry(q) (thesis,
+Appendix A): plane of elevation p (0 abduction, 90 forward flexion), elevation e, axial rotation q (internal positive).
+The first available source of this list is used:
 
-1. ``landmarks``: GH, EM and EL of the posture, thorax frame: all three angles.
+1. ``landmarks``: GH, EM and EL of the posture, thorax frame, which determine all three angles.
 2. ``columns``: the columns PLANE and AXIAL of the file, degrees, beside humerus_elevation_deg.
-3. ``motion``: the plane that the motion's name says (PLANES_DEG), or, of horizontal flexion and axial rotation, the
-   angle in the column MOTION_ANGLE.
-4. ``assumed``: any other name: the plane of the scapula.
+3. ``motion``: the plane in the motion's name (PLANES_DEG); for horizontal flexion and axial rotation, the angle in the
+   column MOTION_ANGLE.
+4. ``assumed``: the plane of the scapula, for any other name.
 
-Assumed in 3 and 4, where nothing says q: the arm does not turn about its own axis, q = -p, a swing from the hanging arm
-with the elbow's axis in the frontal plane. People turn the arm outward while they raise it: by 0 to 55 degrees up to
-the top, as studies have it (Stokdijk et al., Clin. Biomech. 18:296-302, 2003: about 55 in all planes; Acta Orthop.
-80:451-455, 2009: 27 in abduction, 3 in flexion).
+If 3 and 4 do not give q, the arm is assumed not to turn about its own axis: q = -p, a swing from the hanging arm with
+the elbow's axis in the frontal plane. In studies, people turn the arm outward as they raise it, by 0 to 55 degrees up
+to the top (Stokdijk et al., Clin. Biomech. 18:296-302, 2003: about 55 in all planes; Acta Orthop. 80:451-455, 2009: 27
+in abduction, 3 in flexion).
 """
 
 from collections.abc import Sequence
@@ -31,29 +31,29 @@ from motions.table import Motions
 PLANE, AXIAL, MOTION_ANGLE = "humerus_plane_deg", "humerus_axial_deg", "motion_angle_deg"
 
 PLANES_DEG = {"scap": 30.0, "abduct": 0.0, "front": 0.0, "flex": 90.0, "sagit": 90.0}
-"""Plane of elevation by part of a motion's name. Studies put the plane of the scapula 30 to 40 degrees forward of the
+"""Plane of elevation by part of a motion's name. In studies the plane of the scapula is 30 to 40 degrees forward of the
 frontal plane."""
 
 _ASSUMED_DEG = PLANES_DEG["scap"]
 
 _FEWEST_VALUES = 3
-"""Fewer may all be small by chance."""
+"""Smallest number of values for the check of units, because fewer may all be small by chance."""
 
 LANDMARKS, COLUMNS, MOTION, ASSUMED = "landmarks", "columns", "motion", "assumed"
 
 
 class HumerusPose(NamedTuple):
-    """Orientation of the humerus relative to the thorax, and what it is known by."""
+    """Orientation of the humerus relative to the thorax, and its source (LANDMARKS, COLUMNS, MOTION or ASSUMED)."""
 
     angles: Float[np.ndarray, " 3 postures"]
-    """p, e, q, rad; NaN where the elevation is."""
+    """p, e and q in rad; NaN where the elevation is NaN."""
     known_by: Shaped[np.ndarray, " postures"]
 
 
 def humerus_pose(motions: Motions) -> HumerusPose:
-    """Compute the orientation of the humerus in every posture, by the best of what the motions have.
+    """Compute the orientation of the humerus in every posture, from the best source that the motions have.
 
-    InputError where a column has no number.
+    InputError where a cell of a column is not a number.
     """
     pose = named_pose(motions.motion.tolist(), motions.humerus_elevation_deg, _numbers(motions, MOTION_ANGLE))
     pose = _where(pose, _by_columns(motions), COLUMNS)
@@ -61,7 +61,10 @@ def humerus_pose(motions: Motions) -> HumerusPose:
 
 
 def warn_of_radians(motions: Motions) -> None:
-    """Warn where PLANE stays within pi, though the name of the motion says another plane, or AXIAL does so too."""
+    """Warn where PLANE looks like radians.
+
+    PLANE then stays within pi in the motions whose names imply a plane above 0, or PLANE and AXIAL both stay within pi.
+    """
     plane, axial = (_numbers(motions, name) for name in (PLANE, AXIAL))
     others = np.array([(plane_of_name(name) or 0.0) > 0.0 for name in motions.motion.tolist()])
     for subject, rows in zip(motions.subjects, motions.rows_by_subject(), strict=True):
@@ -80,7 +83,7 @@ def named_pose(
     elevation_deg: Float[np.ndarray, " postures"],
     motion_angle_deg: Float[np.ndarray, " postures"] | None = None,
 ) -> HumerusPose:
-    """Compute the orientation of the humerus from the names of the motions and the elevation alone."""
+    """Compute the orientation of the humerus only from the motions' names, elevations and, if given, MOTION_ANGLE."""
     angle = np.full(len(names), np.nan) if motion_angle_deg is None else motion_angle_deg
     each = [_named(name.lower(), float(deg)) for name, deg in zip(names, angle, strict=True)]
     p, turned, known_by = (np.array(part) for part in zip(*each, strict=True))
@@ -88,7 +91,7 @@ def named_pose(
 
 
 def _named(name: str, angle_deg: float) -> tuple[float, float, str]:
-    """Plane, turn about the own axis, and what says so."""
+    """Return plane, rotation about the arm's own axis, and source."""
     if "horizontal" in name and np.isfinite(angle_deg):
         return angle_deg, 0.0, MOTION
     if "axial" in name and np.isfinite(angle_deg):
@@ -98,7 +101,7 @@ def _named(name: str, angle_deg: float) -> tuple[float, float, str]:
 
 
 def plane_of_name(name: str) -> float | None:
-    """Give the plane of elevation that the name of a motion says; None where it says none."""
+    """Return the plane of elevation that the name of a motion implies; None if it implies none."""
     name = name.lower()
     return next((plane for part, plane in PLANES_DEG.items() if part in name and "horizontal" not in name), None)
 
@@ -120,7 +123,7 @@ def _where(pose: HumerusPose, angles: Float[np.ndarray, " 3 postures"], known_by
 
 
 def _numbers(motions: Motions, name: str) -> Float[np.ndarray, " postures"]:
-    """One of the columns that mean nothing to the fits; NaN where it is empty or missing."""
+    """Read a column of numbers that the fits do not use; NaN where it is empty or missing."""
     if name not in motions.extra:
         return np.full(len(motions.posture), np.nan)
     numbers = np.empty(len(motions.posture))
@@ -130,7 +133,7 @@ def _numbers(motions: Motions, name: str) -> Float[np.ndarray, " postures"]:
             numbers[k] = np.nan if text.lower() in NOT_MEASURED else to_number(text)
         except ValueError:
             numbers[k] = np.inf
-        if abs(numbers[k]) > LARGEST_ANGLE_DEG:  # NaN is not
+        if abs(numbers[k]) > LARGEST_ANGLE_DEG:  # False for NaN
             where = f"{motions.subject[k]}, {motions.motion[k]}, posture {motions.posture[k]}"
             remedy = "Give degrees between -180 and 180, or leave the cell empty"
             raise InputError(where, None, f"{name} is {cell!r}", remedy)

@@ -1,4 +1,4 @@
-"""The mapping file: what a laboratory calls the landmarks and the angles, in which unit and axes (TOML)."""
+"""The mapping file (TOML): a laboratory's names of landmarks and angles, its unit and its axes."""
 
 import tomllib
 from dataclasses import dataclass, field, replace
@@ -11,16 +11,16 @@ from motions.errors import InputError, did_you_mean
 from motions.table import LANDMARKS
 
 THORAX = ("IJ", "PX", "C7", "T8")
-"""The landmarks of the thorax frame, which every file of positions must have."""
+"""Landmarks of the thorax frame, which every file of positions must have."""
 
 MARKERS = (*THORAX, *LANDMARKS)
-"""Every landmark that is made use of (thesis, Appendix A)."""
+"""All landmarks in use (thesis, Appendix A)."""
 
 MIDDLES = {"PX_T8": ("PX", "T8")}
-"""A middle that stands for both of its landmarks: the thorax frame needs no more of PX and T8."""
+"""Midpoints that replace two landmarks: the thorax frame needs only the midpoint of PX and T8."""
 
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
-"""Millimetres in a unit of length, by the names that files give it."""
+"""Millimetres per unit of length, by the unit's name in files."""
 
 UNIT_WORDS = {
     f"{prefix}met{ending}{s}": unit
@@ -28,16 +28,16 @@ UNIT_WORDS = {
     for ending in ("er", "re")
     for s in ("", "s")
 } | {"in": "inch", "inches": "inch"}
-"""Units as words, by which some programs call them."""
+"""Units by the words that some programs write."""
 
 CLUSTERS = ("thorax", "scapula", "humerus")
-"""Segments that a cluster of markers may carry; a cluster on the skin of the clavicle carries none."""
+"""Segments that a cluster of markers may carry; a cluster on the skin of the clavicle cannot carry the clavicle."""
 
 FEWEST_OF_CLUSTER = 3
-"""Markers that fix a position and a rotation."""
+"""Number of markers that determine a position and a rotation."""
 
 BONES_BELOW = ("thorax", "clavicle")
-"""What the angles of the scapula may be relative to."""
+"""Bones to which the angles of the scapula may be relative."""
 
 _AXES = {f"{sign}{letter}": (place, -1.0 if sign else 1.0) for place, letter in enumerate("xyz") for sign in ("", "-")}
 _KEYS = ("unit", "axes", "global", "scapula_relative_to", "markers", "columns", "clusters")
@@ -46,26 +46,27 @@ _EXAMPLE = 'Write lines such as unit = "mm" or, under [markers], IJ = "the name 
 
 @dataclass(frozen=True)
 class Mapping:
-    """What the mapping file says; without one, landmarks and angles have this project's names."""
+    """Content of the mapping file. By default, landmarks and angles have this project's names."""
 
     unit: str | None = None
-    """Unit of the positions; it wins over what the file says."""
+    """Unit of the positions; it overrides the unit in the data file."""
     axes: tuple[str, str, str] = ("x", "y", "z")
-    """Which axes of the file, with their signs, make a right-handed frame. Which of them points up does not matter."""
+    """Axes of the file, with signs, that make a right-handed frame. Any of them may point up."""
     markers: dict[str, str] = field(default_factory=dict)
-    """The laboratory's name of a landmark, or a formula of its names (``motions.landmarks.derived``)."""
+    """The laboratory's name of each landmark, or a formula of such names (``motions.landmarks.derived``)."""
     columns: dict[str, str] = field(default_factory=dict)
-    """The laboratory's name of an angle."""
+    """The laboratory's name of each angle."""
     clusters: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """Markers of the clusters on CLUSTERS (``motions.landmarks.clusters``)."""
+    """Markers of the cluster on each segment of CLUSTERS (``motions.landmarks.clusters``)."""
     scapula_relative_to: str = ""
-    """Which of BONES_BELOW the angles of the scapula in a .mot or .sto file are relative to; empty: not said."""
+    """Bone of BONES_BELOW to which the angles of the scapula in a .mot or .sto file are relative; empty if not
+    stated."""
     global_axes: tuple[str, str, str] | None = None
-    """Which axes of the file point to the right, upward and backward of the person who faces forward: the global frame
-    of Appendix A. None: not said."""
+    """Axes of the file that point to the right, upward and backward of a person who faces forward: the global frame of
+    Appendix A. None if not stated."""
 
     def marker(self, landmark: str) -> str:
-        """Return the name of a landmark in the file, or the formula that gives it."""
+        """Return the name of a landmark in the file, or its formula."""
         middle = next((name for name, ends in MIDDLES.items() if landmark in ends and name in self.markers), landmark)
         return self.markers.get(middle, landmark)
 
@@ -75,19 +76,19 @@ class Mapping:
 
     @property
     def R_lab_global(self) -> Float[np.ndarray, "3 3"] | None:
-        """The global frame in the file's right-handed one; None where the file does not say it."""
+        """The axes of the global frame in the file's right-handed frame; None if the mapping does not state them."""
         if self.global_axes is None:
             return None
         return self.axes_matrix @ _rows(self.global_axes).T
 
     @property
     def axes_matrix(self) -> Float[np.ndarray, "3 3"]:
-        """The right-handed position of the file's position."""
+        """Matrix that converts a position in the file's axes into the right-handed frame."""
         return _rows(self.axes)
 
 
 def _rows(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
-    """The named axes of the file, a row each."""
+    """Return the matrix with one named axis of the file per row."""
     matrix = np.zeros((3, 3))
     for row, axis in enumerate(axes):
         place, sign = _AXES[axis]
@@ -96,7 +97,7 @@ def _rows(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
 
 
 def read_mapping(path: Path | None) -> Mapping:
-    """Read the mapping in a TOML file, or that of this project's own names. InputError if the file is wrong."""
+    """Read the mapping in a TOML file; without a file, return the default mapping. InputError if the file is wrong."""
     if path is None:
         return Mapping()
     file = str(path)
@@ -109,7 +110,7 @@ def read_mapping(path: Path | None) -> Mapping:
         raise InputError(file, None, f"this is not a TOML file ({error})", _EXAMPLE) from error
     _check_keys(document, file)
     unit, axes = document.get("unit"), document.get("axes", ["x", "y", "z"])
-    if unit is not None and unit not in tuple(UNITS_MM):  # it may be anything that TOML can say
+    if unit is not None and unit not in tuple(UNITS_MM):  # a tuple, because a TOML value may be unhashable
         raise InputError(file, None, f"unit is {unit!r}", f"Write one of {', '.join(UNITS_MM)}")
     if not _is_frame(axes):
         remedy = 'Name x, y and z once each, negated where it must be, as in axes = ["x", "y", "-z"]'
@@ -123,7 +124,7 @@ def read_mapping(path: Path | None) -> Mapping:
 
 
 def _with_global(mapping: Mapping, axes: object, file: str) -> Mapping:
-    """The mapping with the global frame. InputError where it is none, or left-handed."""
+    """Return the mapping with the global frame. InputError where the axes make no frame, or a left-handed one."""
     remedy = 'Name the axes of the file that point right, up and backward, as in global = ["x", "z", "-y"]'
     if not _is_frame(axes):
         raise InputError(file, None, f"global is {axes!r}", remedy)
@@ -134,7 +135,7 @@ def _with_global(mapping: Mapping, axes: object, file: str) -> Mapping:
 
 
 def _clusters(document: dict, file: str) -> dict[str, tuple[str, ...]]:
-    """The section clusters. InputError if one of it is no list of FEWEST_OF_CLUSTER different names or more."""
+    """Read the section ``clusters``. InputError if one is not a list of FEWEST_OF_CLUSTER or more different names."""
     table = document.get("clusters", {})
     example = 'Write lines such as scapula = ["AMC1", "AMC2", "AMC3"] under [clusters]'
     if not isinstance(table, dict):
@@ -152,7 +153,7 @@ def _clusters(document: dict, file: str) -> dict[str, tuple[str, ...]]:
 
 
 def _check_keys(document: dict, file: str) -> None:
-    """InputError if a key is unknown, or if it is a landmark, which belongs under [markers]."""
+    """Raise InputError if a key is unknown, or if it is a landmark, which belongs under [markers]."""
     for key in document:
         if key in (*MARKERS, *MIDDLES):
             raise InputError(file, None, f"{key} stands outside [markers]", "Put the line [markers] above it")
@@ -167,7 +168,7 @@ def _is_frame(axes: object) -> bool:
 
 
 def _names(document: dict, section: str, file: str) -> dict[str, str]:
-    """The section as name to name. InputError if a key of it means nothing or two share a name."""
+    """Read a section of names. InputError if a key is unknown, or if two keys have the same name."""
     table = document.get(section, {})
     if not isinstance(table, dict) or not all(isinstance(name, str) and name for name in table.values()):
         raise InputError(file, None, f"{section} is not a section of names", _EXAMPLE)
@@ -181,7 +182,7 @@ def _names(document: dict, section: str, file: str) -> dict[str, str]:
 
 
 def _check_landmarks(table: dict[str, str], file: str) -> None:
-    """InputError if a key is no landmark, or a formula cannot be one."""
+    """Raise InputError if a key is no landmark, or if a midpoint stands beside one of its landmarks."""
     for landmark in table:
         if landmark not in (*MARKERS, *MIDDLES):
             remedy = (

@@ -1,4 +1,4 @@
-"""What a file of marker positions holds, and the landmarks in it in millimetres."""
+"""Content of a file of marker positions, and the landmarks in it, in millimetres."""
 
 import difflib
 from collections.abc import Sequence
@@ -14,21 +14,22 @@ from motions.landmarks.derived import factors_of, is_formula
 from motions.landmarks.mapping import MARKERS, THORAX, UNIT_WORDS, UNITS_MM, Mapping
 
 NEEDED = (*THORAX, "TS", "AI")
-"""Without these there is neither a thorax nor a scapula frame."""
+"""Landmarks without which there is no thorax frame or no scapula frame."""
 
 _MOST_NAMED = 40
-"""Markers in a message."""
+"""Maximum number of markers that a message lists."""
 
 _FARTHEST = 1e9
-"""A thousand kilometres in mm. Numbers near the largest that there are would overflow in what is made of them."""
+"""Largest coordinate, in the unit of the file: a thousand kilometres in mm. Numbers near the largest float would
+overflow in computations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Markers:
-    """Positions of all markers of a file, a row each frame or palpated posture; NaN is a gap.
+    """Positions of all markers of a file, one row per frame or palpated posture; NaN is a gap.
 
-    unit: as the file states it, or None. names: the file's markers in their order, where a name may stand twice.
-    rows: what the file says of each row, by column, such as subject, motion, posture; empty for a trial.
+    ``unit``: as the file states it, or None. ``names``: the markers in the order of the file, where a name may occur
+    twice. ``rows``: columns that describe each row, such as subject, motion, posture; empty for a trial.
     """
 
     file: str
@@ -37,15 +38,15 @@ class Markers:
     unit: str | None
     rows: dict[str, list[str]]
     rate_hz: float | None = None
-    """Frames a second, where the file says it."""
+    """Frames per second, if the file states them."""
 
 
 def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarray, "3 frames"]]:
-    """Find the landmarks of the file by their names here, mm, in the file's own (right-handed) frame.
+    """Find the landmarks in the file, by this project's names, mm, in the file's own frame made right-handed.
 
-    A marker is found by its name, else without case, else behind a prefix as in ``P01:IJ``, or behind one that all
-    needed landmarks have. InputError if a needed one is not there, nowhere measured or there twice, if no unit is
-    known, or if distances show that it is not the right one.
+    A marker is found by its name, else without case, else behind a prefix as in ``P01:IJ``, or behind a prefix that all
+    needed landmarks have. InputError if a needed landmark is absent, nowhere measured or there twice, if no unit is
+    known, or if distances show that the unit is wrong.
     """
     factor = millimetres(markers, mapping)
     _check_there(markers, mapping)
@@ -60,7 +61,7 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
 
 
 def landmarks_there_mm(markers: Markers, mapping: Mapping, factor: float) -> dict[str, Float[np.ndarray, "3 frames"]]:
-    """Find those landmarks that the file has, mm; factor: ``millimetres``. InputError if one is there twice."""
+    """Find the landmarks that the file has, mm. InputError if one is there twice. ``factor``: from ``millimetres``."""
     found = {}
     for landmark in MARKERS:
         position = _position(markers, mapping, landmark)
@@ -71,13 +72,13 @@ def landmarks_there_mm(markers: Markers, mapping: Mapping, factor: float) -> dic
 
 
 def marker_mm(markers: Markers, mapping: Mapping, name: str, factor: float) -> Float[np.ndarray, "3 frames"] | None:
-    """Give the positions of one marker, mm; None where the file has none. InputError if it is there twice."""
+    """Return the positions of a marker, mm; None if the file lacks this marker. InputError if it is there twice."""
     position = _of_marker(markers, mapping, name, name)
     return None if position is None else factor * (mapping.axes_matrix @ position)
 
 
 def names_of_landmarks(markers: Markers, mapping: Mapping) -> dict[str, str]:
-    """Give the file's names of the landmarks that are found in it: markers, or the mapping's formulas as they are."""
+    """Return the file's names of the landmarks found in it: markers, or the mapping's formulas unchanged."""
     wanted = {landmark: mapping.marker(landmark) for landmark in MARKERS}
     found = {landmark: _resolved(markers, mapping, name, landmark) for landmark, name in wanted.items()}
     return {
@@ -88,7 +89,7 @@ def names_of_landmarks(markers: Markers, mapping: Mapping) -> dict[str, str]:
 
 
 def _check_there(markers: Markers, mapping: Mapping) -> None:
-    """InputError that names them all where several needed landmarks have no marker: one by one would take many runs."""
+    """Raise one InputError that names all needed landmarks without a marker, if several, so that one run shows all."""
 
     def is_there(landmark: str) -> bool:
         name = mapping.marker(landmark)
@@ -108,9 +109,9 @@ def _check_there(markers: Markers, mapping: Mapping) -> None:
 
 
 def millimetres(markers: Markers, mapping: Mapping) -> float:
-    """Give the millimetres in the unit of the file: the mapping's word, or the file's where the mapping says nothing.
+    """Return the millimetres per unit of the file: the mapping's unit, else the unit that the file states.
 
-    InputError if neither says it, or says what is none. InputWarning where they differ.
+    InputError if neither states a unit, or if the unit is unknown. InputWarning where both differ.
     """
     said = (markers.unit or "").strip(" []()")
     stated = UNIT_WORDS.get(said.lower(), said.lower())
@@ -130,7 +131,7 @@ def millimetres(markers: Markers, mapping: Mapping) -> float:
 
 
 def _position(markers: Markers, mapping: Mapping, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
-    """The positions of a landmark in the file's unit and axes, None where the file has none."""
+    """Return the positions of a landmark in the file's unit and axes; None if the file lacks it."""
     name = mapping.marker(landmark)
     if _resolved(markers, mapping, name, landmark) is None and is_formula(name):
         return _derived(markers, mapping, name, landmark)
@@ -138,7 +139,7 @@ def _position(markers: Markers, mapping: Mapping, landmark: str) -> Float[np.nda
 
 
 def _resolved(markers: Markers, mapping: Mapping, name: str, landmark: str) -> str | None:
-    """The file's name of a marker, None where there is none. InputError if several may be meant."""
+    """Return the file's name of a marker; None if there is none. InputError if several names match."""
     if name in markers.names:
         return name
     together = (tuple(mapping.marker(needed) for needed in NEEDED), *mapping.clusters.values())
@@ -155,14 +156,14 @@ def _resolved(markers: Markers, mapping: Mapping, name: str, landmark: str) -> s
 
 
 def _is_spelled(own: str, spellings: set[str]) -> bool:
-    """Tell whether a name is one of these; one that begins with a colon may have anything before it."""
+    """Check whether a name is one of the spellings; a spelling that begins with a colon matches any prefix."""
     return own in spellings or f":{own.rpartition(':')[2]}" in spellings
 
 
 @lru_cache
 def _common_prefix(names: tuple[str, ...], together: tuple[str, ...]) -> str:
-    """What stands before all names that belong together and ends in a sign, without case: that of a person in files of
-    QTM. Empty if there is none, or more than one."""
+    """Find the prefix of all names that belong together, without case, which ends in no letter or digit. In files of
+    QTM this prefix names the person. Empty if there is no such prefix, or more than one."""
     folded, needed = {name.casefold() for name in names}, [name.casefold() for name in together]
     before = {name.removesuffix(needed[0]) for name in folded if name.endswith(needed[0])}
     found = [one for one in before if one and not one[-1].isalnum() and all(one + name in folded for name in needed)]
@@ -181,7 +182,7 @@ def _of_marker(markers: Markers, mapping: Mapping, name: str, landmark: str) -> 
 
 
 def _derived(markers: Markers, mapping: Mapping, formula: str, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
-    """The sum that a mapping file writes, None if one of its markers is not there. InputError if it is no sum."""
+    """Compute a formula of the mapping file; None if one of its markers is absent. InputError if it is no formula."""
     position = np.zeros(markers.positions.shape[1:])
     for name, factor in _factors(markers, formula, landmark).items():
         part = _of_marker(markers, mapping, name, landmark)
@@ -201,7 +202,7 @@ def _factors(markers: Markers, formula: str, landmark: str) -> dict[str, float]:
 
 
 def _check_distance(markers: Markers, name: str, position: Float[np.ndarray, "3 frames"]) -> None:
-    """InputError if a marker is where none can be, in any unit."""
+    """Raise InputError if a coordinate is impossible in every unit."""
     farthest = float(np.abs(position[np.isfinite(position)]).max())
     if farthest > _FARTHEST:
         cause = f"marker {name!r} has a coordinate of {farthest:.3g}"
@@ -209,7 +210,7 @@ def _check_distance(markers: Markers, name: str, position: Float[np.ndarray, "3 
 
 
 def _absent(markers: Markers, mapping: Mapping, landmark: str) -> InputError:
-    """The error of a landmark that is not there or was nowhere measured: of its marker, or of one of its formula."""
+    """Return the error for a landmark that is absent or nowhere measured; it names the marker or one of its formula."""
     name = mapping.marker(landmark)
     if is_formula(name) and _resolved(markers, mapping, name, landmark) is None:
         parts = _factors(markers, name, landmark)
@@ -230,7 +231,7 @@ def _absent(markers: Markers, mapping: Mapping, landmark: str) -> InputError:
 
 
 def nearest(name: str, names: Sequence[str]) -> str:
-    """Find the name most like it, or one that ends in it as 'P01:IJ' of marker IJ; empty where there is none."""
+    """Find the name most similar to this one, or a name that ends in it ('P01:IJ' for IJ); empty if there is none."""
     ending = [other for other in names if other.lower().endswith(name.lower())]
     return next(iter(difflib.get_close_matches(name, names, n=1) or ending), "")
 
@@ -240,9 +241,9 @@ def _listed(markers: Markers) -> str:
 
 
 def check_size(file: str, found: dict[str, Float[np.ndarray, "3 frames"]], factor: float) -> None:
-    """Raise InputError if there is no neck, or if all distances are a person's in another unit.
+    """Raise InputError if IJ and C7 are never measured together, or if all distances are a person's in another unit.
 
-    factor: the millimetres of the file's unit.
+    ``factor``: millimetres per unit of the file.
     """
     if np.isnan(found["IJ"] + found["C7"]).any(axis=0).all():
         cause = "IJ and C7 are in no frame together: there is no thorax"

@@ -1,4 +1,4 @@
-"""A trial at chosen elevations of the arm: a value there, the spread about it and the frames that it rests on."""
+"""Sampling of a trial at chosen elevations of the arm: value, spread and number of frames at each."""
 
 from typing import NamedTuple
 
@@ -8,22 +8,22 @@ from jaxtyping import Bool, Float, Int
 from motions.errors import InputError, warn_input
 
 WINDOW_DEG = 5.0
-"""Frames within this much of a chosen elevation count. The rhythm bends by less than 0.2 degrees over it."""
+"""Half width of the window of frames about a chosen elevation. Over it, the rhythm bends by less than 0.2 degrees."""
 
 FEWEST_FRAMES = 4
-"""A line has two unknowns; with fewer frames there is nothing to judge the spread by."""
+"""Minimum number of frames per posture: a line has two unknowns, and fewer frames do not show the spread."""
 
 REACH_DEG = 1.0
-"""A chosen elevation this far beyond the highest or lowest frame is still reached."""
+"""Distance beyond the highest or lowest frame at which a chosen elevation is still reached."""
 
 
 class Sampled(NamedTuple):
-    """At each chosen elevation that the trial reached, and for each column of values."""
+    """Samples at each chosen elevation that the trial reached, for each column of values."""
 
     at_deg: Float[np.ndarray, " postures"]
     values: Float[np.ndarray, "postures columns"]
     spread: Float[np.ndarray, "postures columns"]
-    """SD of single frames about the local line: noise, and how raising and lowering differ."""
+    """SD of single frames about the local line, from noise and from the difference between raising and lowering."""
     frames: Int[np.ndarray, " postures"]
 
 
@@ -34,10 +34,10 @@ def resample(
 ) -> Sampled:
     """Compute the values on the least-squares line through the frames within WINDOW_DEG of each chosen elevation.
 
-    Where the trial ends within the window and leaves fewer than FEWEST_FRAMES in it, it reaches farther into the trial,
-    to 2 WINDOW_DEG at most.
-    Frames with a gap in a column do not count there; raising and lowering count alike. Chosen elevations that the
-    trial did not reach, or at which no column has FEWEST_FRAMES, are left out.
+    If the trial ends within the window, and the window has fewer than FEWEST_FRAMES, the window extends farther into
+    the trial, to at most 2 WINDOW_DEG.
+    Frames with a gap in a column do not count in this column; raising and lowering count alike. Chosen elevations that
+    the trial did not reach, or at which no column has FEWEST_FRAMES, are left out.
     """
     known = elevation_deg[np.isfinite(elevation_deg)]
     rows = []
@@ -65,7 +65,7 @@ def resample_trial(
     file: str,
     whose: str,
 ) -> Sampled:
-    """Sample a trial as ``resample``; InputWarning that names the elevations left out, InputError if all are."""
+    """Sample a trial as ``resample`` does. InputWarning with the elevations left out, InputError if all are."""
     sampled = resample(elevation_deg, values, at_deg)
     left_out = [f"{at:g}" for at in at_deg if at not in sampled.at_deg]
     if not left_out:
@@ -84,7 +84,7 @@ def resample_trial(
 
 
 def _near(elevation_deg: Float[np.ndarray, " frames"], at: float) -> Bool[np.ndarray, " frames"]:
-    """The frames within WINDOW_DEG of an elevation; at an end of the trial, as many more as make FEWEST_FRAMES."""
+    """Find the frames within WINDOW_DEG of an elevation; at an end of the trial, as many more as make FEWEST_FRAMES."""
     away = np.abs(elevation_deg - at)
     near = away <= WINDOW_DEG
     beyond = np.nanmin(elevation_deg) > at - WINDOW_DEG or np.nanmax(elevation_deg) < at + WINDOW_DEG
@@ -94,7 +94,7 @@ def _near(elevation_deg: Float[np.ndarray, " frames"], at: float) -> Bool[np.nda
 
 
 def _at(from_chosen_deg: Float[np.ndarray, " near"], values: Float[np.ndarray, " near"]) -> tuple[float, float, int]:
-    """The line's value at the chosen elevation, the SD about the line (n - 2), and the number of frames."""
+    """Compute the line's value at the chosen elevation, the SD about the line (n - 2), and the number of frames."""
     measured = np.isfinite(values)
     x, y = from_chosen_deg[measured], values[measured]
     count = len(x)

@@ -1,4 +1,4 @@
-"""Landmarks as a table of postures: palpated ones as they are, a trial at chosen elevations of the arm."""
+"""Table of postures from landmarks: palpated postures unchanged, a trial sampled at chosen elevations of the arm."""
 
 from collections.abc import Mapping as Dictionary
 from collections.abc import Sequence
@@ -21,59 +21,59 @@ from motions.motion_csv.columns import SIDE_MEASURED
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
 ESTIMATED = "clavicle_x_estimated"
-"""The extra column that says, with `yes`, that the clavicle's axial rotation is an estimate and not measured."""
+"""Extra column: ``yes`` where the clavicle's axial rotation is an estimate and not measured."""
 
 ESTIMATE_ZERO = "clavicle_x_zero_at_deg"
-"""The extra column with the elevation at which this estimate is 0; empty where the humerus was not measured."""
+"""Extra column: elevation at which this estimate is 0; empty where the humerus was not measured."""
 
 SCAPULA_ROTATED = "scapula_frame"
-"""The extra column that names the mean rotation by which a scapula through AA was brought to AC."""
+"""Extra column: name of the mean rotation that converted the scapula frame through AA to the frame through AC."""
 
 _LOOK_FOR_GAPS = "Look for gaps in IJ, PX, C7, T8, AC, TS and AI"
 
 CLAVICLE_PLACED = "clavicle_from"
-"""The extra column that says what stood in for SC or AC where nobody marked it."""
+"""Extra column: description of how SC or AC was estimated, where it is an estimated landmark."""
 
 SLIPPED = "slipped"
-"""The extra column that names the landmarks that are not where their bone says in this posture."""
+"""Extra column: landmark outliers of the posture."""
 
 ANGLES_FROM_LANDMARKS = "angles_from_landmarks"
-"""The extra column that says, with `yes`, that the angles were computed from the landmarks whose positions stand beside
-them: both have the same errors."""
+"""Extra column: ``yes`` where the angles were computed from the landmarks whose positions are in the same row, so that
+both have the same errors."""
 
 THORAX_COLUMNS = ("thorax_x_deg", "thorax_y_deg", "thorax_z_deg")
-"""The extra columns with backward tilt, torsion and lateral flexion of the thorax against the global frame (Appendix A)
-where the file has one."""
+"""Extra columns: backward tilt, torsion and lateral flexion of the thorax in the global frame (Appendix A), if the file
+has a global frame."""
 
 BY_GLOBAL_Y = "global"
-"""The word for a clavicle whose z axis is normal to the global y."""
+"""Word for a clavicle with z axis normal to the global y."""
 
 CLAVICLE_Z = ("thorax", BY_GLOBAL_Y)
-"""To whose y axis the clavicle's z axis is normal with the arm lowest: the thorax's, so that its axial rotation begins
-at 0, or the global one of Appendix A."""
+"""Choices of the y axis to which the clavicle's z axis is normal with the arm lowest: the thorax's, with which the
+axial rotation begins at 0, or the global y of Appendix A."""
 
 CLAVICLE_Z_BY = "clavicle_z_by"
-"""The extra column that says so of a clavicle by the global y, with the axial rotation at which it begins."""
+"""Extra column for a clavicle by the global y: states this choice and the axial rotation with the arm lowest."""
 
 FRAMES = "frames"
-"""The extra column with the number of frames that a posture of a trial rests on."""
+"""Extra column: number of frames of the trial from which a posture was computed."""
 
 
 def is_marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " postures"]:
-    """Tell in which postures an extra column has this mark (a regular expression): in none if there is no column."""
+    """Find the postures in which an extra column matches ``mark``, a regular expression; none without this column."""
     if column not in motions.extra:
         return np.zeros(len(motions.posture), bool)
     return motions.extra[column].str.contains(mark).to_numpy(bool)
 
 
 def marked_slips(motions: Motions) -> dict[int, str]:
-    """Give, by row, the landmarks that are marked as slipped, with a space between them."""
+    """Return the landmarks marked as outliers, by row, separated by spaces."""
     marks = motions.extra[SLIPPED].to_numpy(str) if SLIPPED in motions.extra else ()
     return {row: names for row, names in enumerate(marks) if names}
 
 
 def measured_places_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 postures"]]:
-    """Give the measured positions by landmark, thorax frame; NaN where one was not measured, placed or an outlier."""
+    """Return the measured positions by landmark, thorax frame; NaN where not measured, estimated or an outlier."""
     found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
     for name, place in found.items():
         place[:, is_marked(motions, CLAVICLE_PLACED, f"{name} from")] = np.nan
@@ -84,33 +84,33 @@ def measured_places_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 postu
 
 
 def spread_column(angle: str) -> str:
-    """Name the extra column with the SD of an angle about a posture of a trial, degrees."""
+    """Return the name of the extra column with the spread of an angle about a posture of a trial (SD, degrees)."""
     return f"{angle}_spread_deg"
 
 
 @dataclass(frozen=True)
 class Labels:
-    """Whose trial it is, and how its frames become postures."""
+    """Subject and motion of a trial, and options for the conversion of its frames to postures."""
 
     subject: str
     motion: str
     side: Side = "right"
     at_deg: tuple[float, ...] = ()
-    """Elevations at which a trial is sampled; none: each frame is a posture."""
+    """Elevations at which a trial is sampled; if empty, each frame is a posture."""
     aa_to_ac: AcromionRotation | None = None
     aa_to_ac_name: str = ""
     sc_from_ij: SternoclavicularOffset | None = None
     gh_from_ac: GlenohumeralOffset | None = None
     R_lab_global: Float[np.ndarray, "3 3"] | None = None
-    """The global frame, where the mapping says it."""
+    """The global frame, if the mapping states it."""
     clavicle_z: str = CLAVICLE_Z[0]
-    """One of CLAVICLE_Z."""
+    """Choice of the clavicle's z axis, one of CLAVICLE_Z."""
     folder: str = ""
-    """Whose trial it is by the folder that the file lies in, if neither the file nor ``subject`` says it."""
+    """Name of the subject by the file's folder, if neither the file nor ``subject`` states the subject."""
 
     @property
     def scapula_rotated(self) -> str:
-        """What stands in the column of a scapula that was brought to AC; empty without a rotation."""
+        """Text for the column SCAPULA_ROTATED; empty without a rotation."""
         rotation = self.aa_to_ac
         return f"AA brought to AC by {self.aa_to_ac_name} +- {rotation.uncertainty_deg:g} deg" if rotation else ""
 
@@ -120,11 +120,12 @@ def postures_from_landmarks(
 ) -> Motions:
     """Compute the postures of one subject, numbered from 1 in the order of the frames.
 
-    lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the frames of the whole
-    trial with the arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures
-    with too few angles are left out. carried: a cluster carried the scapula, whose distance to SC changes with skin.
-    InputError if none is left, or if landmarks are no person's; InputWarning of landmarks that are left out
-    (``motions.checks.trial``) and if the arm lowest is unlike a person's.
+    ``lab_mm``: landmarks in any right-handed frame. The clavicle's axial rotation is estimated relative to the frames
+    of the whole trial with the arm lowest (the first frame if the humerus was not measured), and marked as an estimate.
+    Postures with too few angles are left out. ``carried``: True where a cluster carried the scapula; its distances to
+    SC change with the skin, so landmark outliers are not searched.
+    InputError if no posture is left, or if distances between landmarks are no person's. InputWarning where landmarks
+    are left out (``motions.checks.trial``), and where the angles with the arm lowest are unlike a person's at rest.
     """
     sound_mm = sound_landmarks(lab_mm, f"{labels.subject}, {labels.motion}", file)
     slips = {} if carried else slipped(sound_mm)
@@ -161,7 +162,7 @@ def postures_from_landmarks(
 
 
 def _axial_at_rest_deg(frames: FrameAngles, rest: Rest, labels: Labels, file: str) -> float:
-    """The axial rotation with the arm lowest. InputError where the global frame is asked for and not known."""
+    """Compute the axial rotation with the arm lowest. InputError if it needs the global frame, which is not known."""
     if labels.clavicle_z != BY_GLOBAL_Y:
         return 0.0
     if labels.R_lab_global is None:
@@ -179,13 +180,13 @@ def _frames(lab_mm: dict[str, Float[np.ndarray, "3 frames"]], labels: Labels, fi
 def _check_rest(
     lab_mm: dict[str, Float[np.ndarray, "3 frames"]], frames: FrameAngles, rest: Rest, labels: Labels, file: str
 ) -> None:
-    """InputWarning if the arm lowest is unlike a person's at rest, with the landmarks that are likely swapped."""
+    """Warn if the angles with the arm lowest are unlike a person's at rest, and name landmarks that may be swapped."""
 
     def unlike_with(exchanged: dict[str, Float[np.ndarray, "3 frames"]]) -> list[str]:
         other = _frames(exchanged, labels, file)
         lowest = lowest_frames(other.angles_deg, other.humerus_deg[:, 1])
         if lowest.elevation_deg > max(rest.elevation_deg, HIGHEST_REST_DEG):
-            return ["the arm is never low"]  # so that nothing can be said of its angles at rest
+            return ["the arm is never low"]  # the angles at rest are then unknown
         return unlike_rest(lowest, other.landmarks_mm)
 
     if unlike := unlike_rest(rest, frames.landmarks_mm):
@@ -194,7 +195,7 @@ def _check_rest(
 
 
 def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: float) -> Motions:
-    """The table, marked where an angle is an estimate, and where a landmark was not measured."""
+    """Add the columns that mark angles as estimates or as computed from landmarks, and estimated landmarks."""
     count, extra = len(table.posture), table.extra.copy()
     estimated = np.isfinite(table.angles_deg[:, CLAVICLE_X])
     extra[ANGLES_FROM_LANDMARKS] = ["yes"] * count
@@ -206,31 +207,31 @@ def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: fl
 
 
 def _gaps(lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], frames: Bool[np.ndarray, " frames"]) -> list[str]:
-    """The landmarks that were not measured in some of these frames, of those without which there are fewer angles."""
+    """List the landmarks, of those that the angles need, that are missing in some of these frames."""
     names = (*THORAX, "SC", "AC", "TS", "AI")
     return [name for name in names if name in lab_mm and np.isnan(lab_mm[name][:, frames]).any()]
 
 
 def _marks(slips: Dictionary[str, Sequence[int]], count: int) -> list[str]:
-    """Of each posture, the landmarks that slipped in it."""
+    """Return the landmark outliers of each posture, separated by spaces."""
     return [" ".join(name for name, rows in slips.items() if row in rows) for row in range(count)]
 
 
 def _as_they_are(frames: FrameAngles, labels: Labels) -> Motions:
-    """Each frame a posture."""
+    """Return a table in which each frame is a posture."""
     extra = _thorax_columns(frames.thorax_deg, labels)
     return _table(labels, frames.humerus_deg[:, 1], frames.angles_deg, frames.landmarks_mm, extra)
 
 
 def _thorax_columns(thorax_deg: Float[np.ndarray, "postures 3"], labels: Labels) -> dict[str, list[str]]:
-    """The columns of the thorax where the global frame is known."""
+    """Return the columns of the thorax, if the global frame is known."""
     if labels.R_lab_global is None:
         return {}
     return {column: _texts(one) for column, one in zip(THORAX_COLUMNS, thorax_deg.T, strict=True)}
 
 
 def _sampled(frames: FrameAngles, labels: Labels, file: str) -> Motions:
-    """The trial at the chosen elevations."""
+    """Sample the trial at the chosen elevations."""
     elevation_deg = frames.humerus_deg[:, 1]
     if not np.isfinite(elevation_deg).any():
         cause = "the humerus was not measured (GH, EM and EL), so there are no elevations to sample at"
@@ -275,7 +276,7 @@ def _table(
 
 
 def _whole(position_mm: Float[np.ndarray, "postures 3"]) -> Float[np.ndarray, "postures 3"]:
-    """Positions with all three coordinates or none."""
+    """Set positions with a missing coordinate to NaN."""
     return np.where(np.isnan(position_mm).any(axis=1, keepdims=True), np.nan, position_mm)
 
 

@@ -1,4 +1,4 @@
-"""SC that nobody marked, by a stated offset from IJ; GH by one from AC; AC from AA (``acromion``). Never silent."""
+"""Estimated landmarks: SC by an offset from IJ, GH by an offset from AC, AC from AA (``acromion``), always stated."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ Positions = dict[str, Float[np.ndarray, "3 frames"]]
 
 @dataclass(frozen=True)
 class SternoclavicularOffset:
-    """SC of a right shoulder in the thorax frame, whose origin is IJ."""
+    """SC of a right shoulder in the thorax frame, with origin IJ."""
 
     sc_mm: tuple[float, float, float]
     uncertainty_mm: float
-    """How far one person's SC may be from it along each axis (SD)."""
+    """SD of one person's SC about this place, along each axis."""
     source: str
 
 
@@ -30,15 +30,16 @@ KAPTEIN = SternoclavicularOffset(
 )
 
 OFFSETS = {"kaptein1999": KAPTEIN}
-"""By the name that --sc-from-ij takes."""
+"""Offsets of SC by the name that --sc-from-ij takes."""
 
 
 def with_stand_ins(
     thorax_mm: Positions, aa_to_ac: AcromionRotation | None, sc_from_ij: SternoclavicularOffset | None
 ) -> tuple[Positions, dict[str, str]]:
-    """Add AC and SC where they were not measured and what replaces them is stated; and say of each where it is from.
+    """Add estimates of SC and AC, if not measured and if an offset or rotation is given; return texts that state them.
 
-    thorax_mm: thorax frame, right shoulder. AC is needed with SC alone: the scapula has a rotation of its own.
+    ``thorax_mm``: thorax frame, right shoulder. AC is added only beside SC, for the clavicle; the angles of the scapula
+    use the rotation itself.
     """
     found, said = dict(thorax_mm), {}
     if "SC" not in found and sc_from_ij is not None:
@@ -53,31 +54,31 @@ def with_stand_ins(
 
 @dataclass(frozen=True)
 class GlenohumeralOffset:
-    """GH of a right shoulder in the scapula frame through AC, TS and AI, whose origin is AC."""
+    """GH of a right shoulder in the scapula frame through AC, TS and AI, with origin AC."""
 
     gh_in_ac_ts: tuple[float, float, float]
-    """In lengths of AC-TS: a larger scapula has a larger offset."""
+    """Place of GH in units of the length AC-TS, so that the offset grows with the scapula."""
     uncertainty_mm: float
-    """How far one person's GH may be from it along each axis (SD)."""
+    """SD of one person's GH about this place, along each axis."""
     source: str
 
 
 KAPTEIN_GH = GlenohumeralOffset(
-    # (-4.8, -44.4, -7.8) of 129.1 mm by dissection, (9.4, -53.4, 4.2) of 126.0 mm by MRI
+    # GH and length AC-TS: (-4.8, -44.4, -7.8) and 129.1 mm by dissection, (9.4, -53.4, 4.2) and 126.0 mm by MRI
     (0.0186, -0.3838, -0.0136),
     10.0,
     "mean of MRI and dissection of one cadaver, thesis Table 4.2, which are 4-7 mm from it; uncertainty assumed",
 )
 
 GH_OFFSETS = {"kaptein1999": KAPTEIN_GH}
-"""By the name that --gh-from-ac takes."""
+"""Offsets of GH by the name that --gh-from-ac takes."""
 
 
 def place_gh(lab_mm: Positions, offset: GlenohumeralOffset, side: Side) -> Positions:
-    """Add GH where it was not measured: AC + |AC - TS| R_scapula offset, in any right-handed frame.
+    """Add an estimate of GH if it was not measured: AC + |AC - TS| R_scapula offset, in any right-handed frame.
 
-    A left scapula is computed in a mirror. Without AC, TS and AI nothing is added. With GH 10 mm off, the elevation of
-    an arm of 290 mm is 2 degrees off.
+    A left scapula is mirrored for the computation. Without AC, TS and AI nothing is added. An error of 10 mm in GH
+    gives an error of 2 degrees in the elevation of an arm of 290 mm.
     """
     if "GH" in lab_mm or not {"AC", "TS", "AI"} <= lab_mm.keys():
         return lab_mm

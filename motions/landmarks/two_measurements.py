@@ -1,6 +1,6 @@
-"""One bone measured twice, or in every frame of a trial: distance matrices and rigid motions of its points.
+"""Comparison of two measurements of one bone, or of the frames of a trial: distance matrices and rigid motions.
 
-Chapter 4 (MRI and dissection, Table 4.1) and Chapter 5 (CT and palpation, Tables 5.1 and 5.2) of the thesis.
+Source: Chapter 4 (MRI and dissection, Table 4.1) and Chapter 5 (CT and palpation, Tables 5.1 and 5.2) of the thesis.
 """
 
 from collections.abc import Sequence
@@ -18,20 +18,20 @@ Points = Float[np.ndarray, "3 points"]
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """The rotation and translation that lay points on others best (Spoor and Veldpaus 1980: least squares)."""
+    """Least-squares rotation and translation from points to other points (Spoor and Veldpaus 1980)."""
 
     angle_deg: float
-    """About one axis."""
+    """Angle of rotation about ``axis``."""
     axis: Float[np.ndarray, "3"]
-    """Of length 1; NaN without a rotation."""
+    """Unit vector of the rotation axis; NaN without a rotation."""
     shift_mm: Float[np.ndarray, "3"]
-    """Of the middle of the points."""
+    """Translation of the mean point."""
     residual_mm: Float[np.ndarray, " points"]
-    """What each point is off after it: mean and SD are those of Table 5.2."""
+    """Distance of each point to its counterpart after the motion; Table 5.2 has their mean and SD."""
 
 
 def rigid_motion(one: Points, other: Points) -> RigidMotion:
-    """Find the motion that takes the points of one measurement to those of the other.
+    """Compute the rigid motion that takes the points of one measurement to the points of the other.
 
     ValueError for fewer than three points, or for points on a line.
     """
@@ -50,23 +50,23 @@ def rigid_motion(one: Points, other: Points) -> RigidMotion:
 
 @dataclass(frozen=True)
 class Compared:
-    """Two measurements of the points of one body."""
+    """Comparison of two measurements of the points of one body."""
 
     names: tuple[str, ...]
     first_mm: Float[np.ndarray, "points points"]
-    """Distances in the first."""
+    """Distances between the points in the first measurement."""
     differences_mm: Float[np.ndarray, "points points"]
-    """E = DM_first - DM_second (Eq. 4.1, 5.1)."""
+    """Difference E = DM_first - DM_second of the distance matrices (Eq. 4.1, 5.1)."""
     consistent: tuple[str, ...]
-    """The largest set that agrees (Table 5.1)."""
+    """Largest set of points on which both measurements agree (Table 5.1)."""
     motion: RigidMotion | None
-    """From the first to the second; None where three points are lacking, or on a line."""
+    """Motion from the first to the second measurement; None for fewer than three points, or for points on a line."""
     moved_by: tuple[str, ...]
-    """The points of this motion: the consistent ones, or all where these are fewer than three."""
+    """Points that determine this motion: the consistent points, or all if fewer than three are consistent."""
 
 
 def compare_measurements(names: Sequence[str], first: Points, second: Points) -> Compared:
-    """Compare two measurements of the same points. ValueError for more points than subsets can be looked through."""
+    """Compare two measurements of the same points. ValueError for too many points to search all their subsets."""
     one, other = distance_matrix(first), distance_matrix(second)
     differences = difference_matrix(one, other)
     kept = list(largest_consistent(differences))

@@ -1,1 +1,1 @@
-"""Motion files as CSV: rows, cells, columns and checks, in and out."""
+"""Reading, checking and writing of motion files (CSV): columns, cells, rows and postures."""

@@ -1,4 +1,4 @@
-"""One cell of text as a name, a whole number, a measured value or a side; InputError says what is wrong."""
+"""Conversion of a cell of text to a name, a whole number, a measured value or a side; InputError for a bad cell."""
 
 import math
 from typing import Literal
@@ -14,25 +14,25 @@ NOT_MEASURED = frozenset(
         *("null", "none", "-", "--", "---"),
     ]
 )
-"""What a cell says, in any case of its letters, of what was not measured: nothing, or a word of a program for it."""
+"""Texts of a cell, in any case, that mean 'not measured': nothing, or the word of some program for a missing value."""
 
 _MINUS = "\u2212"
-"""A spreadsheet writes it in some languages."""
+"""Typographic minus sign, which a spreadsheet writes in some languages."""
 
 SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
-"""The shoulder by the words that a file may use for it."""
+"""Side of the shoulder for each word that a file may use."""
 
 LARGEST_ANGLE_DEG = 180.0
-"""Every angle is a rotation of less than half a turn."""
+"""Maximum absolute angle in degrees: an angle is a rotation by at most half a turn."""
 
 ELEVATION_REMEDY = (
     "Elevation is the angle of the humerus with the vertical, 0 to 180 degrees; ISB's beta of the humerus is its "
     "negative (elevation = -beta): turn its sign round"
 )
-"""For a negative one."""
+"""Remedy for a negative elevation."""
 
 LARGEST_POSTURE = 2**53
-"""Whole numbers beyond it have no exact float, so that two of them could be taken for one."""
+"""Maximum number of a posture: larger whole numbers have no exact float, so two of them could be taken for one."""
 
 
 def name_in(row: Row, column: str) -> str:
@@ -55,7 +55,7 @@ def whole_number_in(row: Row, column: str) -> int:
 
 
 def measured_in(row: Row, column: str) -> float:
-    """Read the finite number in a cell; NaN (not measured) if the cell is empty or says so (NOT_MEASURED)."""
+    """Read the finite number in a cell; NaN if the cell says 'not measured' (NOT_MEASURED)."""
     text = row.cells[column]
     try:
         value = to_number(text)
@@ -72,9 +72,9 @@ def measured_in(row: Row, column: str) -> float:
 
 
 def to_number(text: str) -> float:
-    """Convert as ``float()`` does, but for what no file of numbers means: 1_000 and the digits of other scripts.
+    """Convert as ``float()`` does, but refuse what no file of numbers means: 1_000, and digits of other scripts.
 
-    A typographic minus is one. ValueError if it is no number.
+    A typographic minus counts as a minus. Raise ValueError if the text is no number.
     """
     text = text.replace(_MINUS, "-")
     if "_" in text or not text.isascii():
@@ -100,7 +100,7 @@ def elevation_in(row: Row) -> float:
 
 
 def side_in(row: Row) -> Side:
-    """Read which shoulder was measured: right unless the cell says left."""
+    """Read the measured side: right unless the cell says left."""
     text = row.cells.get(SIDE, "")
     if text.lower() not in SIDES:
         raise row.error(f"{SIDE} is {_quoted(text)}", "Write left or right")
@@ -108,5 +108,5 @@ def side_in(row: Row) -> Side:
 
 
 def _quoted(text: str, longest: int = 40) -> str:
-    """The text in quotation marks on one line, cut off when it is long."""
+    """Quote the text on one line, shortened to ``longest`` characters."""
     return repr(text if len(text) <= longest else text[:longest] + "...")

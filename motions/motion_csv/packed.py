@@ -1,4 +1,4 @@
-"""Rows and postures in little memory: an object for each of two million postures would take 5 GB, their columns 0.4."""
+"""Compact storage of rows and postures: two million postures take 5 GB as objects, and 0.4 GB as columns."""
 
 from array import array
 from collections.abc import Iterable, Sequence
@@ -17,11 +17,12 @@ from motions.motion_csv.rows import Row
 from motions.table import ANGLES, LANDMARKS, Motions
 
 _BETWEEN = "\0"
-"""No cell has it: a file with it is no text (``motions.motion_csv.rows``)."""
+"""Separator of joined cells. No cell contains it, because a file with a null character is refused as binary
+(``motions.motion_csv.rows``)."""
 
 
 class PackedRow(NamedTuple):
-    """A row whose cells are one text; those of a file share the names of their columns."""
+    """Row whose cells are joined into one text; the rows of a file share the names of their columns."""
 
     file: str
     line: int
@@ -29,12 +30,12 @@ class PackedRow(NamedTuple):
     cells: str
 
     def unpacked(self) -> Row:
-        """Give the row as it was."""
+        """Return the original row."""
         return Row(self.file, self.line, dict(zip(self.names, self.cells.split(_BETWEEN), strict=True)))
 
 
 def packed(row: Row) -> PackedRow:
-    """Pack a row: a sixth of the memory."""
+    """Pack a row into a sixth of its memory."""
     return PackedRow(row.file, row.line, _shared(tuple(row.cells)), _BETWEEN.join(row.cells.values()))
 
 
@@ -44,10 +45,10 @@ def _shared(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class PostureColumns:
-    """A table of postures that grows by a subject at a time; their places say in which order it is."""
+    """Columns of a table of postures, filled one subject at a time; the place of each posture gives the final order."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Create empty columns."""
         self._places, self._posture = array("q"), array("q")
         self._subject: list[str] = []
         self._motion: list[str] = []
@@ -60,7 +61,7 @@ class PostureColumns:
         return len(self._places)
 
     def add(self, places: Iterable[int], postures: Sequence[Posture]) -> None:
-        """Add the postures of one subject."""
+        """Add the postures of one subject, each with its place in the files."""
         for place, posture in zip(places, postures, strict=True):
             self._add_landmarks(posture)
             self._add_extra(posture, place)
@@ -87,7 +88,7 @@ class PostureColumns:
     def table(self, rejected: Sequence[InputError]) -> Motions:
         """Make the table of all postures in the order of their places.
 
-        Each column is given up as it becomes an array: for a moment there are two of one, and never of all.
+        Each column is emptied when its array is made, so that only one column at a time is in memory twice.
         """
         self._fill_up()
         order = np.argsort(np.frombuffer(self._places, np.int64), kind="stable")
@@ -105,33 +106,33 @@ class PostureColumns:
         )
 
     def _fill_up(self) -> None:
-        """Complete the columns that the last file does not have: not measured, or empty."""
+        """Fill columns that the last file lacks with NaN (landmarks) or empty text (extra columns)."""
         for column in self._landmarks_mm.values():
             column.extend(repeat(nan, 3 * len(self) - len(column)))
         for column in self._extra.values():
             column.extend(repeat("", len(self) - len(column)))
 
     def _extra_table(self, order: Int[np.ndarray, " postures"]) -> pd.DataFrame:
-        """The columns that are not interpreted, as text, in the order of the files."""
+        """Return the columns that are not interpreted, as text, in the order of the files."""
         names = sorted(self._extra, key=self._first.__getitem__)
         columns = {name: _in_order(self._extra[name], order) for name in names}
         return pd.DataFrame(columns, index=pd.RangeIndex(len(order)), dtype=str)
 
 
 def _same(earlier: Sequence[str], text: str) -> str:
-    """The text, as the object that stands there already where it is alike."""
+    """Return the text, as the same object as the previous text if they are equal, to save memory."""
     return earlier[-1] if earlier and earlier[-1] == text else text
 
 
 def _in_order(column: list[str], order: Int[np.ndarray, " postures"]) -> list[str]:
-    """The texts in another order; the column is then empty."""
+    """Return the texts in the given order, and empty the column."""
     ordered = [column[k] for k in order.tolist()]
     column.clear()
     return ordered
 
 
 def _vectors(column: array, components: int, order: Int[np.ndarray, " postures"]) -> Float[np.ndarray, "postures n"]:
-    """The vectors in another order; the column is then empty."""
+    """Return the vectors in the given order, and empty the column."""
     ordered = np.frombuffer(column).reshape(-1, components)[order]
     del column[:]
     return ordered

@@ -1,4 +1,4 @@
-"""One row of a motion file as one posture of a right shoulder."""
+"""Conversion of one row of a motion file to one posture of a right shoulder."""
 
 import math
 from dataclasses import dataclass
@@ -12,19 +12,21 @@ from motions.motion_csv.rows import Row
 from motions.table import FEWEST_ANGLES, LANDMARKS
 
 MIRROR_ANGLES = np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
-"""M R M with M = diag(-1, 1, 1), the reflection in the sagittal plane, negates the y and z angles of R."""
+"""Signs that mirror angles: M R M with M = diag(-1, 1, 1), the reflection in the sagittal plane, negates the y and z
+angles of R."""
 
 MIRROR_POSITION = np.array([-1.0, 1.0, 1.0])
-"""x of the thorax frame is to the right."""
+"""Signs that mirror a position: x of the thorax frame is to the right."""
 
 _FIRST_COLUMNS = tuple((name, landmark_columns(name)[0]) for name in LANDMARKS)
 
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """One posture of a right shoulder (mirrored if `side` is left), and the row that it comes from.
+    """Posture of a right shoulder (mirrored if ``side`` is left), and the row that it comes from.
 
-    Degrees and mm, thorax frame; NaN = not measured; only landmarks that have columns in the row's file.
+    Angles are in degrees, positions in mm in the thorax frame; NaN means 'not measured'. A landmark without columns in
+    the file of the row has no entry.
     """
 
     row: Row
@@ -38,13 +40,13 @@ class Posture:
 
     @property
     def extra(self) -> dict[str, str]:
-        """The cells that are not interpreted, in the order of the file, and the side if the file gives it."""
+        """Cells that are not interpreted, in the order of the file, and the side if the file gives it."""
         extra = {SIDE_MEASURED: self.side} if SIDE in self.row.cells else {}
         return extra | {column: cell for column, cell in self.row.cells.items() if column not in KNOWN}
 
 
 def posture_from_row(row: Row) -> Posture:
-    """Read the posture in one row. InputError if a cell cannot be read or too few angles were measured."""
+    """Read the posture in one row. Raise InputError if a cell cannot be read or too few angles were measured."""
     side = side_in(row)
     left = side == "left"
     angles_deg = _angles_deg(row)
@@ -64,7 +66,7 @@ def posture_from_row(row: Row) -> Posture:
 
 
 def _angles_deg(row: Row) -> Float[np.ndarray, "6"]:
-    """The six angles as the file gives them, degrees; at least three of them were measured."""
+    """Read the six angles in degrees, not mirrored. Raise InputError if fewer than three were measured."""
     angles_deg = [angle_in(row, column) for column in ANGLE_COLUMNS]
     measured = sum(not math.isnan(angle) for angle in angles_deg)
     if measured == 0:
@@ -76,7 +78,7 @@ def _angles_deg(row: Row) -> Float[np.ndarray, "6"]:
 
 
 def _position_mm(row: Row, name: str) -> Float[np.ndarray, "3"]:
-    """The position of a landmark as the file gives it, mm: all three coordinates or none."""
+    """Read the position of a landmark in mm, not mirrored. Raise InputError if only some coordinates were measured."""
     position_mm = np.array([measured_in(row, column) for column in landmark_columns(name)])
     if np.isnan(position_mm).any() and not np.isnan(position_mm).all():
         cause = f"landmark {name} has only some of its coordinates"

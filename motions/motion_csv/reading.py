@@ -1,4 +1,4 @@
-"""Motion files in, one table of postures out: good subjects are kept, bad ones named."""
+"""Reading of motion files into one table of postures; subjects and files with errors are left out and named."""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,23 +16,22 @@ from motions.table import Motions
 def read_motions(*paths: str | os.PathLike[str]) -> Motions:
     """Read the postures of all subjects in the CSV files, as right shoulders, in the order of the files.
 
-    A file or a subject with an error is left out and named in `rejected`. A subject whose motions are in
-    several files is one subject. InputError if a path does not exist or if no subject is left; InputWarning of
-    subjects whose angles no person has with the arm lowest, or that move as nobody's do: another sign, unit or frame.
+    A file or a subject with an error is left out and named in ``rejected``. A subject whose motions are in several
+    files is one subject. Raise InputError if a path does not exist or if no subject is left. Issue an InputWarning
+    about subjects whose angles with the arm lowest, or over elevation, no person has: another sign, unit or frame.
     """
     (motions,) = MotionStream(*paths).in_chunks(None)
     return motions
 
 
 class MotionStream:
-    """Motion files that are read a few subjects at a time, so that their size does not matter: see `read_motions`.
+    """Motion files, read a few subjects at a time so that files of any size fit in memory: see ``read_motions``.
 
-    subjects: the names of all subjects of the usable files, in the order in which they first appear.
-    rejected: the files that were left out, and the subjects of the chunks read so far.
+    ``rejected`` has the errors of the files that were left out, and of the subjects left out in the chunks read so far.
     """
 
     def __init__(self, *paths: str | os.PathLike[str]) -> None:
-        """Read all files once, for what is in them. InputError if a path does not exist or no file is usable."""
+        """Read all files once to list their subjects. Raise InputError if a path is missing or no file is usable."""
         if not paths:
             raise InputError("motion files", None, "no file was named", "Name at least one CSV file")
         named = [Path(path) for path in paths]
@@ -41,8 +40,8 @@ class MotionStream:
         self.rejected: list[InputError] = []
         self._doubts = SubjectDoubts()
         self._usable: list[Path] = []
-        self._last: dict[str, int] = {}  # where the last row of each subject is
-        self._once: dict[Path, list[PackedRow]] = {}  # of what can be read only once: pipes
+        self._last: dict[str, int] = {}  # place of the last row of each subject
+        self._once: dict[Path, list[PackedRow]] = {}  # rows of pipes, which can be read only once
         rows = 0
         for place, path in enumerate(named):
             try:
@@ -63,13 +62,14 @@ class MotionStream:
 
     @property
     def subjects(self) -> tuple[str, ...]:
+        """Names of all subjects of the usable files, in the order in which they first appear."""
         return tuple(self._last)
 
     def _rows_of(self, path: Path) -> Iterable[Row]:
         return (row.unpacked() for row in self._once[path]) if path in self._once else iterate_rows(path)
 
     def in_chunks(self, subjects: int | None) -> Iterator[Motions]:
-        """Yield the motions of so many subjects at a time (None: of all), as their last rows are reached."""
+        """Yield the motions of ``subjects`` subjects at a time (None: of all), as soon as their last rows are read."""
         waiting: dict[str, list[tuple[int, PackedRow]]] = {}
         chunk, named, found = _Chunk(), tuple(self.rejected), False
         for place, row in enumerate(row for path in self._usable for row in self._rows_of(path)):
@@ -92,21 +92,21 @@ class MotionStream:
 
 
 class _Chunk:
-    """The subjects of a chunk whose last row was read: the postures of those that are taken, and why others are not."""
+    """Chunk of subjects of which all rows were read: postures of accepted subjects, errors of rejected ones."""
 
     def __init__(self) -> None:
         self.subjects = 0
         self.columns = PostureColumns()
-        self.files: dict[str, str] = {}  # where each subject begins
+        self.files: dict[str, str] = {}  # file of each subject's first row
         self._rejected: list[tuple[int, InputError]] = []
 
     @property
     def rejected(self) -> list[InputError]:
-        """The errors, in the order in which their subjects first appear."""
+        """Errors, in the order in which their subjects first appear."""
         return [error for _, error in sorted(self._rejected, key=lambda one: one[0])]
 
     def take(self, rows: Sequence[tuple[int, PackedRow]]) -> None:
-        """Take all rows of a subject, each with its place."""
+        """Convert all rows of a subject, each given with its place, and store its postures or its error."""
         self.subjects += 1
         unpacked = [row.unpacked() for _, row in rows]
         self.files[unpacked[0].cells["subject"]] = unpacked[0].file
@@ -119,7 +119,7 @@ class _Chunk:
 
 
 def _check_existence(path: Path) -> None:
-    """InputError if there is nothing at the path: a mistyped name is never passed over."""
+    """Raise InputError if the path does not exist: a mistyped name is never skipped."""
     try:
         path.stat()
     except FileNotFoundError as error:
@@ -130,7 +130,7 @@ def _check_existence(path: Path) -> None:
 
 
 def _subject_from_rows(rows: Sequence[Row]) -> list[Posture]:
-    """All postures of one subject. InputError at the first row, or the first property, that is wrong."""
+    """Return all postures of one subject. Raise InputError for the first wrong row, or the first failed check."""
     postures = [posture_from_row(row) for row in rows]
     _check_duplicates(postures)
     _check_one_side(postures)
@@ -141,7 +141,7 @@ def _subject_from_rows(rows: Sequence[Row]) -> list[Posture]:
 
 
 def _check_duplicates(postures: Sequence[Posture]) -> None:
-    """InputError if a motion has the same posture twice; it names both places."""
+    """Raise InputError, which names both places, if a motion has the same posture twice."""
     first: dict[tuple[str, int], Row] = {}
     for posture in postures:
         earlier = first.setdefault((posture.motion, posture.number), posture.row)
@@ -154,7 +154,7 @@ def _check_duplicates(postures: Sequence[Posture]) -> None:
 
 
 def _check_one_side(postures: Sequence[Posture]) -> None:
-    """InputError if one subject has rows of both shoulders: two shoulders are two girdles."""
+    """Raise InputError if one subject has rows of both shoulders: two shoulders are two girdles."""
     first = postures[0]
     for posture in postures:
         if posture.side != first.side:
@@ -163,7 +163,7 @@ def _check_one_side(postures: Sequence[Posture]) -> None:
 
 
 def _first_of(errors: Sequence[InputError]) -> InputError:
-    """The first error, with the number of the others."""
+    """Return the first error, with the number of further errors in its remedy."""
     first, others = errors[0], len(errors) - 1
     if not others:
         return first

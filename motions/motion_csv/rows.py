@@ -1,4 +1,4 @@
-"""One CSV file as rows of text, each with its line; all that can be wrong with a whole file."""
+"""Reading of a CSV file as rows of text with their line numbers, and errors of a file as a whole."""
 
 import csv
 import difflib
@@ -15,40 +15,41 @@ from motions.table import LANDMARKS
 
 _SAVE_AS = "Save the table as comma-separated text (CSV, UTF-8) with decimal points"
 _CONVERTED = (".c3d", ".trc", ".mot", ".sto")
-"""Endings of what ``girdle convert`` makes a motion file of."""
+"""Extensions of the files that ``girdle convert`` turns into motion files."""
 
 _SAYS_SEPARATOR = "sep="
-"""How the first line begins by which a spreadsheet says what separates the cells."""
+"""Beginning of a first line in which a spreadsheet names the separator."""
 
 _SEPARATORS = {",": "comma", ";": "semicolon"}
-"""Of cells. Spreadsheets of countries with a decimal comma write semicolons; a comma in a number is then its point."""
+"""Separators of cells, and their names in messages. Spreadsheets of countries with a decimal comma write semicolons; a
+comma in a number is then a decimal comma."""
 
 _OF_NUMBERS = ("_deg", "_mm")
-"""Endings of columns of decimal numbers."""
+"""Endings of the names of columns with decimal numbers."""
 
 _NEAR = 0.93
-"""Likeness (``difflib``) of a name that may be meant: a letter is wrong, not the unit left out."""
+"""Minimum similarity (``difflib``) of a suggested column: it allows a wrong letter, but no missing unit."""
 
 _MOST_NAMED = 20
-"""Columns in a message."""
+"""Maximum number of columns in a message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line of data: the file as the user named it, the line from 1, and the text under each column."""
+    """Line of data: file as the user named it, line counted from 1, and the text under each column."""
 
     file: str
     line: int
     cells: dict[str, str]
 
     def error(self, cause: str, remedy: str) -> InputError:
-        """Make the error of this line; it names the subject, which is what will be left out."""
+        """Make an error about this line, which names the subject, because the whole subject is left out."""
         return InputError(self.file, self.line, f"subject {self.cells['subject']!r}: {cause}", remedy)
 
 
 @dataclass(frozen=True, slots=True)
 class CsvTable:
-    """A CSV file: the names of its columns, each once, and its rows that are not blank."""
+    """CSV file: the names of its columns, each once, and its rows that are not blank."""
 
     columns: tuple[str, ...]
     rows: list[Row]
@@ -57,7 +58,7 @@ class CsvTable:
 def iterate_rows(path: Path) -> Iterator[Row]:
     """Yield the rows of a motion file that are not blank, one at a time.
 
-    InputError where the file as a whole cannot be used; what came before it is then not to be used either.
+    Raise InputError if the file as a whole cannot be used; rows yielded before this must then not be used either.
     """
     if path.suffix.lower() in _CONVERTED:
         cause = f"a {path.suffix.lower()} file is no motion file"
@@ -68,14 +69,14 @@ def iterate_rows(path: Path) -> Iterator[Row]:
 def read_table(path: Path, check_header: Callable[[list[str], str, int], None] | None = None) -> CsvTable:
     """Read any CSV file.
 
-    InputError if it as a whole cannot be used; check_header raises it for headers of its own kind.
+    Raise InputError if the file as a whole cannot be used. ``check_header`` replaces the default check of the header.
     """
     columns, rows = _table_rows(path, check_header or _check_names)
     return CsvTable(tuple(name for name in columns if name), list(rows))
 
 
 def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None]) -> tuple[list[str], Iterator[Row]]:
-    file, text = str(path), _lines(path)  # closed here where it ends early: an error that is kept would keep it open
+    file, text = str(path), _lines(path)  # closed below on an error: a stored error would keep the file open
     try:
         begin, separator = _begin(text)
         lines = _split(chain(begin, text), file, separator)
@@ -100,7 +101,7 @@ def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None])
 
 
 def _lines(path: Path) -> Generator[str, None, None]:
-    """The lines of a text file with their ends, in memory one at a time."""
+    """Yield the lines of a text file with their line ends, one at a time."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             for line in file:
@@ -111,11 +112,11 @@ def _lines(path: Path) -> Generator[str, None, None]:
                 return
     except (OSError, UnicodeDecodeError):
         pass
-    read_text(path, _SAVE_AS)  # says what is wrong, and where
+    read_text(path, _SAVE_AS)  # raises the error with cause and line
 
 
 def _begin(text: Iterator[str]) -> tuple[list[str], str]:
-    """Read to the header, and tell which sign separates its cells; a line that says so is blank from here on."""
+    """Read to the end of the header line, and find the separator; a line that names the separator is made blank."""
     begin: list[str] = []
     for line in text:
         says_separator = line.lstrip('"').lower().startswith(_SAYS_SEPARATOR)
@@ -126,10 +127,10 @@ def _begin(text: Iterator[str]) -> tuple[list[str], str]:
 
 
 def _split(text: Iterator[str], file: str, separator: str) -> Iterator[tuple[int, list[str]]]:
-    """The cells of each line that is not blank, with the number of the line on which they start.
+    """Yield the cells of each line that is not blank, with the number of the line on which they start.
 
-    The standard reader and not pandas' one, because only it says on which line a row stands when there are
-    blank lines or line breaks between quotes.
+    The standard ``csv`` reader is used rather than pandas, because only ``csv`` gives the line of a row after blank
+    lines or line breaks in quotes.
     """
     for start, cells in cells_of_lines(text, file, separator):
         if any(map(str.strip, cells)):
@@ -137,8 +138,10 @@ def _split(text: Iterator[str], file: str, separator: str) -> Iterator[tuple[int
 
 
 def cells_of_lines(text: Iterable[str], file: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
-    """Split every line, blank ones included, with the number of the line on which it starts. InputError where quotation
-    marks are not closed."""
+    """Split every line, blank ones included, and yield its cells with the number of the line on which it starts.
+
+    Raise InputError if quotation marks are not closed.
+    """
     reader = csv.reader(text, delimiter=separator, strict=True)
     while True:
         start = reader.line_num + 1
@@ -153,7 +156,7 @@ def cells_of_lines(text: Iterable[str], file: str, separator: str = ",") -> Iter
 
 
 def _check_header(columns: list[str], file: str, line: int) -> None:
-    """InputError unless every required column is there, once, and no landmark has only some coordinates."""
+    """Raise InputError for a missing or repeated column, another separator, or a landmark without all coordinates."""
 
     def error(cause: str, remedy: str) -> InputError:
         return InputError(file, line, cause, remedy)
@@ -176,7 +179,7 @@ def _check_header(columns: list[str], file: str, line: int) -> None:
 
 
 def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
-    """Cause and remedy: near names that are there, and of angles that a cell may be empty."""
+    """Write cause and remedy for missing columns: similar names to rename, or that cells of an angle may be empty."""
     several = len(missing) > 1
     cause = f"columns {', '.join(missing)} are missing" if several else f"column {missing[0]} is missing"
     by_letters = {_letters(name): name for name in columns if name not in KNOWN}
@@ -199,12 +202,12 @@ def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
 
 
 def _letters(name: str) -> str:
-    """A name without case, blanks and other signs."""
+    """Return the letters and digits of a name in lower case."""
     return "".join(c for c in name.lower() if c.isalnum())
 
 
 def _check_names(columns: list[str], file: str, line: int) -> None:
-    """InputError if two columns have one name."""
+    """Raise InputError if two columns have the same name."""
     repeated = [name for name in columns if name and columns.count(name) > 1]
     if repeated:
         cause = f"column {repeated[0]!r} stands there twice"
@@ -212,7 +215,7 @@ def _check_names(columns: list[str], file: str, line: int) -> None:
 
 
 def _row(file: str, line: int, columns: list[str], cells: list[str], separator: str) -> Row:
-    """The cells under their columns. Spaces round a cell that is interpreted are dropped."""
+    """Return the cells under their columns, stripping blanks round cells that are interpreted."""
     surplus, word = any(map(str.strip, cells[len(columns) :])), _SEPARATORS[separator]
     if len(cells) < len(columns) or surplus:
         cause = f"the line has {len(cells)} cells where the header has {len(columns)}"

@@ -1,6 +1,6 @@
-"""What one row cannot show: the unit and the side of a subject's measurements.
+"""Checks of unit and side, which need all postures of a subject.
 
-Each function looks at all postures of one subject and returns what is wrong with them, or None.
+Each function takes all postures of one subject and returns a finding, or None.
 """
 
 import math
@@ -16,33 +16,34 @@ from motions.motion_csv.posture_rows import Posture
 from motions.table import ANGLES
 
 LEAST_VALUES = 3
-"""Fewer values may all be small by chance."""
+"""Minimum number of values: fewer may all be small by chance."""
 
 LARGE_MOTION_DEG = 60.0
-"""Over such a motion of the arm every scapula turns laterally by 15 degrees and more."""
+"""Range of elevation of the arm, in degrees, over which every scapula turns laterally by at least 15 degrees."""
 
 LARGEST_METRES = 2.0
-"""No landmark is 2 m from IJ, and the landmarks of a girdle are not all within 2 mm of it."""
+"""Maximum coordinate of positions in metres: no landmark is 2 m from IJ, and in mm a girdle is larger than 2 mm."""
 
 SMALLEST_REACH_MM = 40.0
-"""AC, TS and AI are 100-200 mm from IJ in adults; in cm their coordinates stay below 40."""
+"""Minimum of the largest coordinate of AC, TS and AI, in mm: in adults they are 100-200 mm from IJ; in cm all their
+coordinates are below 40."""
 
 LEFT_CLAVICLE_DEG, LEFT_SCAPULA_DEG = 5.0, -5.0
-"""A right clavicle is retracted (y < 0) and a right scapula protracted (y > 0) by 20-60 degrees in every
-published motion; means beyond these limits on the other side of zero belong to the mirror image."""
+"""Limits of the mean clavicle_y and scapula_y in degrees, beyond which the angles belong to the mirror image. In every
+published motion a right clavicle is retracted (y < 0) and a right scapula protracted (y > 0) by 20-60 degrees."""
 
 
 class Finding(NamedTuple):
-    """What is wrong and what the user does about it."""
+    """Cause, what is wrong, and remedy, what the user can do about it."""
 
     cause: str
     remedy: str
 
 
 def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
-    """Find angles in radians: every measured one is at most pi, although scapular protraction is 20-60 degrees.
+    """Find angles in radians: every measured angle is at most pi, although scapular protraction is 20-60 degrees.
 
-    One posture does where the clavicle's protraction was measured too, which is as large.
+    One posture is enough if it has clavicular protraction too, which is as large.
     """
     angles = np.stack([posture.angles_deg for posture in postures])
     protraction = np.isfinite(angles[:, [ANGLES.index("clavicle_y"), ANGLES.index("scapula_y")]])
@@ -54,10 +55,10 @@ def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
 
 def angle_in_radians(postures: Sequence[Posture]) -> Finding | None:
-    """Find one angle in radians that in every published motion goes beyond 30 degrees: in one motion none of its values
-    is above pi.
+    """Find a single angle in radians: in one motion all its values are at most pi.
 
-    The other angles of a person may be as small, and so may the scapula's z if the arm hardly moves.
+    The angle exceeds 30 degrees in every published motion. The other angles of a person may be this small, and so may
+    scapula_z if the arm hardly moves.
     """
     for motion in dict.fromkeys(posture.motion for posture in postures):
         mine = [posture for posture in postures if posture.motion == motion]
@@ -72,7 +73,7 @@ def angle_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
 
 def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
-    """Find elevations in radians: in one motion the arm is in three places or more, and none is above pi."""
+    """Find elevations in radians: a motion has three or more different elevations, all at most pi."""
     for motion in dict.fromkeys(posture.motion for posture in postures):
         elevations = _measured({posture.humerus_elevation_deg for posture in postures if posture.motion == motion})
         if len(elevations) >= LEAST_VALUES and max(elevations) > 0.0 and max(map(abs, elevations)) <= np.pi:
@@ -82,8 +83,7 @@ def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
 
 def landmarks_not_in_mm(postures: Sequence[Posture]) -> Finding | None:
-    """Find landmarks that are not in mm: all coordinates are below 2 (metres), or those of AC, TS or AI are below 40
-    (centimetres)."""
+    """Find landmarks in metres (all coordinates below 2) or centimetres (all coordinates of AC, TS or AI below 40)."""
     reach = _reach_mm(postures)
     if reach and 0.0 < max(reach.values()) < LARGEST_METRES:
         return Finding("the landmark positions look like metres", "Give landmark positions in mm")
@@ -95,7 +95,7 @@ def landmarks_not_in_mm(postures: Sequence[Posture]) -> Finding | None:
 
 
 def _reach_mm(postures: Sequence[Posture]) -> dict[str, float]:
-    """The largest coordinate, without its sign, of each landmark that was measured at least once."""
+    """Return the largest absolute coordinate of each landmark that was measured at least once."""
     reach: dict[str, float] = {}
     for posture in postures:
         for name, position_mm in posture.landmarks_mm.items():
@@ -105,12 +105,12 @@ def _reach_mm(postures: Sequence[Posture]) -> dict[str, float]:
 
 
 def wrong_side(postures: Sequence[Posture]) -> Finding | None:
-    """Find angles of the wrong side: they should be a right shoulder's by now, and are those of its mirror image."""
+    """Find angles of the wrong side: they should be of a right shoulder by now, but look like its mirror image."""
     clavicle_y = _mean_deg(postures, "clavicle_y")
     scapula_y = _mean_deg(postures, "scapula_y")
     if not (clavicle_y > LEFT_CLAVICLE_DEG and scapula_y < LEFT_SCAPULA_DEG):
         return None
-    if _mean_deg(postures, "clavicle_z") > 0.0 and _mean_deg(postures, "scapula_z") > 0.0:  # no mirror image
+    if _mean_deg(postures, "clavicle_z") > 0.0 and _mean_deg(postures, "scapula_z") > 0.0:  # not a mirror image: z > 0
         cause = "the clavicle is protracted and the scapula retracted, but both are elevated: no shoulder is so"
         return Finding(
             cause, "Exchange clavicle_y_deg and scapula_y_deg, or turn the sign of both round (docs/frames.md)"
@@ -125,7 +125,7 @@ def wrong_side(postures: Sequence[Posture]) -> Finding | None:
 
 
 def _mean_deg(postures: Sequence[Posture], angle: str) -> float:
-    """The mean over the postures where the angle was measured, degrees; NaN if there is none."""
+    """Average an angle in degrees over the postures where it was measured; NaN if there is none."""
     measured = _measured_deg(postures, angle)
     return fmean(measured) if measured else math.nan
 

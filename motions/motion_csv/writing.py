@@ -1,4 +1,4 @@
-"""A table of postures as a motion file."""
+"""Writing of a table of postures as a motion file."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -11,10 +11,10 @@ from motions.table import Motions
 
 
 def write_motions(motions: Motions, path: str | os.PathLike[str]) -> None:
-    """Write the postures to a CSV file, whole or not at all; reading it gives the same arrays bit by bit.
+    """Write the postures to a CSV file, whole or not at all; reading it gives bitwise equal arrays.
 
-    Numbers are written with as many digits as their value needs, NaN as an empty cell, the extra columns as
-    they are. What is written is a right shoulder. InputError if the file cannot be written.
+    Numbers have as many digits as their value needs, NaN is an empty cell, and extra columns are unchanged. The file
+    holds a right shoulder. Raise InputError if the file cannot be written.
     """
     landmarks = [column for name in motions.landmarks_mm for column in landmark_columns(name)]
     header = [*REQUIRED, *landmarks, *motions.extra.columns]
@@ -27,7 +27,7 @@ def csv_text(rows: Iterable[Iterable[str]]) -> str:
 
 
 def _rows(motions: Motions) -> Iterator[list[str]]:
-    """The cells of each posture, in the order of the columns."""
+    """Yield the cells of each posture, in the order of the columns."""
     numbers = np.column_stack([motions.humerus_elevation_deg, motions.angles_deg, *motions.landmarks_mm.values()])
     extra = motions.extra.astype(str).to_numpy()
     for place, number in enumerate(motions.posture.tolist()):
@@ -36,14 +36,14 @@ def _rows(motions: Motions) -> Iterator[list[str]]:
 
 
 def _number(value: float) -> str:
-    """The shortest text that reads back as the same number; empty if not measured."""
+    """Write the shortest text that reads back as the same number; empty if not measured."""
     return "" if np.isnan(value) else repr(value)
 
 
 def _quoted_if_needed(cell: str) -> str:
-    """The cell as it stands in a CSV file.
+    """Quote a cell for CSV where needed.
 
-    Not csv.writer, which in some versions of Python leaves a carriage return without quotation marks.
+    ``csv.writer`` is not used: in some versions of Python it leaves a carriage return without quotation marks.
     """
     if any(character in cell for character in ',"\r\n'):
         return '"' + cell.replace('"', '""') + '"'

@@ -228,11 +228,11 @@ def test_machine_code_and_xla_agree():
     none, sd, there = np.zeros((channels, 8)), np.full(angles.shape, 1.0 / DEG), np.full(8, THERE)
     arguments = girdle, girdle.adapted_mm, none, angles, sd, angles, there
     kernel = _nearest_kernel(joint.model.effects, False)
-    by_machine = kernel.by_machine(*arguments)
-    for one, other in zip(by_machine, kernel.by_jax(*arguments), strict=True):
+    native = kernel.native(*arguments)
+    for one, other in zip(native, kernel.by_jax(*arguments), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9)
-    *others, _ = by_machine
-    for one, other in zip(_nearest_kernel(joint.model.effects, True).by_machine(*arguments), others, strict=True):
+    *others, _ = native
+    for one, other in zip(_nearest_kernel(joint.model.effects, True).native(*arguments), others, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)  # strengths that are known
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.candidates import build_design
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from models import load_model
@@ -73,7 +73,7 @@ def test_the_diagnosis_starts_from_what_landmarks_say():
     there = shoulders(clavicle_length=(5.0,))
     effects = (EFFECTS["clavicle_length"], EFFECTS["thorax_tilt"])
     sizes = measured_sizes(there, girdles(), effects)
-    candidates = lay_out(effects, there, sizes)
+    candidates = build_design(effects, there, sizes)
     own = candidates.places["clavicle_length"]
     assert (candidates.mean[own], candidates.scale[own]) == sizes["clavicle_length"]
     assert (candidates.mean[candidates.places["thorax_tilt"]] == 0.0).all()

@@ -9,7 +9,7 @@ import pytest
 from oracles import bones
 from scipy.spatial.transform import Rotation
 
-from adapt.diagnosis.fit.candidates import Candidates, lay_out
+from adapt.diagnosis.fit.candidates import Candidates, build_design
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy, common_position_curves, own_position_curves
 from adapt.diagnosis.fit.positions.position_evidence import position_evidence, shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import PositionRows, Seen, planned_rows
@@ -118,7 +118,9 @@ def test_what_all_persons_have_in_common_of_a_constant_is_a_cause():
     """But for AA, of which no candidate says where it is; without candidates all of it is a constant of all."""
     _, _, shoulders = parts(laid_out())
     girdle = laid_out().joint.model.sets.girdle
-    listed, none = (lay_out([EFFECTS[name] for name in names], shoulders) for names in (EFFECTS, ["conoid_strain"]))
+    listed, none = (
+        build_design([EFFECTS[name] for name in names], shoulders) for names in (EFFECTS, ["conoid_strain"])
+    )
     landmarks = ("SC", "AC", "AA")
     rows, alone = (planned_rows(MODEL, girdle, one, shoulders, landmarks) for one in (listed, none))
     np.testing.assert_allclose(rows.by_common[:, :6], 0.0, atol=EXACT_MM)

@@ -34,7 +34,7 @@ def recorded(tree, device):
 jax.device_put = recorded
 one = np.ones(points.shape[1:])
 given = model.girdle.repeated(count), points, one, 0.0 * one, theta
-found, expected = thorax_kernel.by_jax(*given), thorax_kernel.by_machine(*given)
+found, expected = thorax_kernel.by_jax(*given), thorax_kernel.native(*given)
 off = max(float(np.abs(one - other).max() / np.abs(other).max()) for one, other in zip(found, expected))
 print(json.dumps({"devices": len(jax.devices()), "used": len(used), "off": off}))
 """

@@ -113,7 +113,7 @@ def test_three_engines_in_float32():
     count = target.shape[1]
     start = target, np.zeros((3, count)), np.zeros(count, bool)
     given = as_type((girdle_, target, angle_weights(measured), start, np.full(count, 30.0)), np.float32)
-    found = postures_kernel.by_machine(*given)
+    found = postures_kernel.native(*given)
     with np.errstate(all="ignore"):
         at_once = postures_kernel.text(*given)
     for other in (at_once, postures_kernel.by_jax(*given)):

@@ -53,7 +53,7 @@ def given(inputs: tuple[str, ...]) -> list[np.ndarray]:
 def assert_same(function, inputs: tuple[str, ...], outputs, *arrays: np.ndarray) -> list[np.ndarray]:
     """Machine code gives what the interpreter gives; return it."""
     arrays = arrays or tuple(given(inputs))
-    found = jax.tree.leaves(kernel_of(function, inputs, outputs).by_machine(*arrays))
+    found = jax.tree.leaves(kernel_of(function, inputs, outputs).native(*arrays))
     expected = jax.tree.leaves(one_run(jax.vmap(function, in_axes=-1, out_axes=-1))(*arrays))
     assert len(found) == len(expected) > 0
     for ours, theirs in zip(found, expected, strict=True):
@@ -378,7 +378,7 @@ def test_what_nobody_reads_takes_no_instruction_and_nothing_is_computed_twice():
 
 def test_0_by_construction_stays_so_whatever_it_is_multiplied_by():
     kernel = kernel_of(lambda x: 0.0 * x + 1.0, ("",), "")
-    np.testing.assert_array_equal(kernel.by_machine(np.full(PROBLEMS, np.nan)), 1.0)
+    np.testing.assert_array_equal(kernel.native(np.full(PROBLEMS, np.nan)), 1.0)
 
 
 def test_constants_that_are_no_number_are_those_of_ieee_and_may_be_left_unread():
@@ -400,7 +400,7 @@ def test_constant_results():
 def test_single_precision():
     kernel = kernel_of(curved, ("6",), "")
     (x,) = given(("6",))
-    found = kernel.by_machine(x.astype(np.float32))
+    found = kernel.native(x.astype(np.float32))
     assert found.dtype == np.float32
     np.testing.assert_allclose(found, kernel.by_jax(x), rtol=1e-4, atol=1e-4)
 
@@ -411,7 +411,7 @@ def test_trees_of_arguments_and_results():
 
     kernel = kernel_of(function, ({"a": "", "b": "3"}, "bool"), {"mask": "bool", "sum": "", "three": "3"})
     a, b, mask = given(("", "3", "bool"))
-    found = kernel.by_machine({"a": a, "b": b}, mask)
+    found = kernel.native({"a": a, "b": b}, mask)
     np.testing.assert_array_equal(found["sum"], a + b[0])
     np.testing.assert_array_equal(found["three"], a * b)
     np.testing.assert_array_equal(found["mask"], mask)
@@ -462,7 +462,7 @@ def test_what_it_does_not_know_is_left_to_xla(function, by_numpy):
     (x,) = given(("3",))
     kernel = kernel_of(function, ("3",), "3")
     with pytest.raises(UnknownOperationError):
-        kernel.by_machine(x)
+        kernel.native(x)
     np.testing.assert_allclose(kernel(x), by_numpy(x), rtol=RELATIVE)
 
 
@@ -471,7 +471,7 @@ def test_what_another_jax_writes_otherwise_is_left_to_xla(monkeypatch):
     kernel = kernel_of(lambda x: x[1:], ("3",), "2")
     monkeypatch.setitem(jax_program._STRUCTURE, "slice", lambda params, x: params["of_another_version"])
     with pytest.raises(UnknownOperationError, match="KeyError: 'of_another_version'"):
-        kernel.by_machine(x)
+        kernel.native(x)
     np.testing.assert_array_equal(kernel(x), x[1:])
 
 

@@ -79,7 +79,7 @@ def posture_arguments(iterations: float = 30.0):
 def by_three_engines(kernel: Kernel, given):
     """By machine code, as it is written, and by XLA."""
     with np.errstate(all="ignore"):
-        return kernel.by_machine(*given), kernel.text(*given), kernel.by_jax(*given)
+        return kernel.native(*given), kernel.text(*given), kernel.by_jax(*given)
 
 
 def test_subjects_by_three_engines(data):
@@ -121,7 +121,7 @@ def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
     starts = tuple(target + offset[:, None] / DEG for offset in OFFSETS_DEG[:2])
 
     def fitted(*two: np.ndarray):
-        return lowest_kernel.by_machine(girdle, target, weights, two, (closed, closed), most)
+        return lowest_kernel.native(girdle, target, weights, two, (closed, closed), most)
 
     (both, settled, apart), each = fitted(*starts), [fitted(one, one) for one in starts]
     ended = settled & each[0][1] & each[1][1]
@@ -139,7 +139,7 @@ def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
 def test_the_conditions_are_those_of_the_definition(data, iterations):
     """On the way as at the end: JAX's derivatives of E + lambda'g at the point where the iterations stopped."""
     problem, *rest = arguments(data, iterations)
-    found = subjects_kernel.by_machine(problem, *rest)
+    found = subjects_kernel.native(problem, *rest)
     residual, by_angle, by_theta = map(np.asarray, conditions(problem, *found[:3]))
     held = (found.theta <= problem.lower) & (by_theta > 0.0) | (found.theta >= problem.upper) & (by_theta < 0.0)
     expected = {
@@ -159,19 +159,19 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
 
 def test_a_problem_is_the_same_alone_and_in_any_company(data):
     """To the last bit: alone, among others, and among so many that every core has some."""
-    among = subjects_kernel.by_machine(*arguments(data))
-    many = subjects_kernel.by_machine(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
+    among = subjects_kernel.native(*arguments(data))
+    many = subjects_kernel.native(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
     for k in range(SUBJECTS):
-        alone = subjects_kernel.by_machine(*arguments(select_problems(data, np.array([k]))))
+        alone = subjects_kernel.native(*arguments(select_problems(data, np.array([k]))))
         for name in ("theta", "angles", "multipliers", "residual_mm", "slope", "converged"):
             np.testing.assert_array_equal(getattr(alone, name)[..., 0], getattr(among, name)[..., k])
             np.testing.assert_array_equal(getattr(many, name)[..., k::SUBJECTS][..., 0], getattr(among, name)[..., k])
 
 
 def test_one_bad_problem_harms_no_other(data):
-    good = subjects_kernel.by_machine(*arguments(data))
+    good = subjects_kernel.native(*arguments(data))
     data.angles[1, 0, 4] = np.nan
-    found = subjects_kernel.by_machine(*arguments(data))
+    found = subjects_kernel.native(*arguments(data))
     data.angles[1, 0, 4] = 0.1
     rest = np.arange(SUBJECTS) != 4
     assert not found.converged[4]
@@ -180,16 +180,16 @@ def test_one_bad_problem_harms_no_other(data):
 
 def test_few_and_no_problems():
     given = posture_arguments()
-    whole = postures_kernel.by_machine(*given)
+    whole = postures_kernel.native(*given)
     for count in (0, 1, 7, 8, 9):
-        part = postures_kernel.by_machine(*take_problems(given, np.arange(count)))
+        part = postures_kernel.native(*take_problems(given, np.arange(count)))
         np.testing.assert_array_equal(part.angles, whole.angles[:, :count])
 
 
 def test_a_wrong_shape_is_an_error():
     given = posture_arguments()
     with pytest.raises(ValueError, match="shape"):
-        postures_kernel.by_machine(given[0], given[1][:5], *given[2:])
+        postures_kernel.native(given[0], given[1][:5], *given[2:])
 
 
 # --- the cache ------------------------------------------------------------------------------------------------------
@@ -205,20 +205,20 @@ def test_one_compilation_serves_every_length_and_the_next_run(tmp_path, monkeypa
     monkeypatch.setattr(object_cache, "emit_object", lambda text: compiled.append(text) or original(text))
     one = Kernel("doubled", doubled, ("",), "", 64)
     for count in (1, 8, 13, 1000):
-        np.testing.assert_array_equal(one.by_machine(np.arange(float(count))), 2.0 * np.arange(count))
-    np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).by_machine(np.ones(3)), [2.0, 2.0, 2.0])
+        np.testing.assert_array_equal(one.native(np.arange(float(count))), 2.0 * np.arange(count))
+    np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).native(np.ones(3)), [2.0, 2.0, 2.0])
     assert len(compiled) == 1
     (kept,) = (tmp_path / "machine").iterdir()
     for damage in (b"", b"nothing", kept.read_bytes()[:-1], b"x" + kept.read_bytes()[1:]):
         kept.write_bytes(damage)
-        np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).by_machine(np.ones(1)), [2.0])
+        np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).native(np.ones(1)), [2.0])
     assert len(compiled) == 5
 
 
 def test_a_cache_that_cannot_be_written_to_costs_no_more_than_time(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path / "file")
-    np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).by_machine(np.ones(2)), [2.0, 2.0])
+    np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).native(np.ones(2)), [2.0, 2.0])
 
 
 @pytest.mark.parametrize("changed", ["motions/arrays.py", "models/effects/effect.py", "adapt/solvers/deep/er.py"])
@@ -285,7 +285,7 @@ def test_xla_does_it_where_there_is_no_machine_code(damage, dtype, tmp_path, mon
     damage(monkeypatch)
     one = Kernel("doubled", doubled, ("",), "", 64)
     with pytest.raises(MachineCodeError):
-        one.by_machine(np.ones(3, dtype))
+        one.native(np.ones(3, dtype))
     with caplog.at_level(logging.INFO, logger=kernel.__name__):
         for count in (0, 1, 100):
             found = one(np.arange(count, dtype=dtype))

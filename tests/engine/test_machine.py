@@ -38,7 +38,7 @@ def values(rows: int, seed: int = 1) -> np.ndarray:
 
 def machine(text, rows: int, given: int, *arrays: np.ndarray) -> np.ndarray:
     """``text`` of a list of so many components, which gives a list of ``given``."""
-    return np.asarray(Kernel("tried", text, (str(rows),), str(given), 64).by_machine(*arrays))
+    return np.asarray(Kernel("tried", text, (str(rows),), str(given), 64).native(*arrays))
 
 
 def arithmetic(x):
@@ -123,10 +123,8 @@ def test_each_problem_iterates_for_itself():
         return list(repeat_while(lambda carry: abs(carry[0] ** 2 - x) > 1e-9 * x, better, (x, xp.zeros_like(x))))
 
     x = np.geomspace(1e-6, 1e6, PROBLEMS)
-    found, steps = Kernel("root", root, ("",), "2", 64).by_machine(x)
-    alone = np.concatenate(
-        [Kernel("root", root, ("",), "2", 64).by_machine(x[k : k + 1]) for k in range(PROBLEMS)], axis=1
-    )
+    found, steps = Kernel("root", root, ("",), "2", 64).native(x)
+    alone = np.concatenate([Kernel("root", root, ("",), "2", 64).native(x[k : k + 1]) for k in range(PROBLEMS)], axis=1)
     np.testing.assert_allclose(found, np.sqrt(x), rtol=1e-9, atol=0.0)
     np.testing.assert_array_equal(np.stack([found, steps]), alone)
     assert len(set(steps)) > 5
@@ -140,7 +138,7 @@ def test_a_truth_goes_round_in_a_loop():
         return [y, xp.where(below, 1.0, 0.0)]
 
     x = np.array([8.0, 7.0, 4.0, 3.9, 0.5])
-    found = Kernel("below", text, ("",), "2", 64).by_machine(x)
+    found = Kernel("below", text, ("",), "2", 64).native(x)
     np.testing.assert_array_equal(found, [x / 8.0, [1.0, 0.0, 0.0, 1.0, 1.0]])
 
 
@@ -163,7 +161,7 @@ def test_loops_over_places_sum_count_keep_and_replace():
         x, counted = random.normal(size=(3, postures, PROBLEMS)), random.random((postures, PROBLEMS)) < 0.7
         kernel = Kernel("passes", text, ("3 postures", "postures bool"), "5", 64)
         expected = jax.tree.map(np.asarray, np.stack(text(x, counted)))
-        np.testing.assert_allclose(kernel.by_machine(x, counted), expected, rtol=0.0, atol=1e-13)
+        np.testing.assert_allclose(kernel.native(x, counted), expected, rtol=0.0, atol=1e-13)
 
 
 def test_a_sum_of_ones_counts_the_places():
@@ -174,7 +172,7 @@ def test_a_sum_of_ones_counts_the_places():
         return [total, worst]
 
     x = Generator(PCG64(5)).normal(size=(2, 5, PROBLEMS))
-    found = Kernel("ones", text, ("2 points",), "2", 64).by_machine(x)
+    found = Kernel("ones", text, ("2 points",), "2", 64).native(x)
     np.testing.assert_array_equal(found, [[5.0] * PROBLEMS, [1.0] * PROBLEMS])
 
 

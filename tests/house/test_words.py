@@ -67,3 +67,14 @@ def test_a_wrong_word_in_a_docstring_or_comment_is_noticed_and_a_name_is_not(tmp
         '"""It ended in another valley."""\n\nunseen = "gap_unseen_deg"  # the `unseen` gap\n# one at work\n'
     )
     assert [one.split(":")[1] for one in words.code_findings(module)] == ["1", "4"]
+
+
+def test_a_sentence_without_a_noun_is_noticed_and_a_question_is_not(tmp_path, monkeypatch):
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    page, module = tmp_path / "page.md", tmp_path / "module.py"
+    page.write_text(
+        "# What is\n\nWhat is this? A gap.\n- What is left\n  is noise. Of ten.\n\n| What |\n", encoding="utf-8"
+    )
+    assert [one.split("'")[1] for one in words.findings(page)] == ["What is left is noise.", "Of ten."]
+    module.write_text('x = """Of each group."""\n\n# By default 1. Those of `f`.\ny = "Of each group."\n')
+    assert [one.split("'")[1] for one in words.code_findings(module)] == ["Of each group.", "Those of X."]

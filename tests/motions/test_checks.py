@@ -123,6 +123,17 @@ def test_the_origin_and_a_body_at_rest_are_no_gaps():
     assert not any(unseen.any() for unseen in never_seen(at_rest).values())
 
 
+def test_in_the_thorax_frame_the_thorax_stands_still_and_the_scapula_does_not(lab):
+    """IJ is (0, 0, 0) throughout; PX, C7, T8 and SC move by the noise of the skin."""
+    thorax = {name: xyz - lab["IJ"] for name, xyz in lab.items()}
+    assert not any(unseen.any() for unseen in never_seen(thorax).values())
+    placed = changed(thorax, "SC", ALL, thorax["SC"][:, :1])  # from IJ
+    assert not any(unseen.any() for unseen in never_seen(placed).values())
+    held = never_seen(changed(thorax, "AI", slice(30, 60), thorax["AI"][:, 29:30]))
+    assert [name for name, unseen in held.items() if unseen.any()] == ["AI"]
+    assert np.flatnonzero(held["AI"]).tolist() == list(range(29, 60))
+
+
 def test_a_body_at_rest_in_a_file_of_few_digits_is_seen():
     """Rounded to millimetres, some landmarks do not change for frames while all others do by a digit."""
     rng = np.random.default_rng(0)

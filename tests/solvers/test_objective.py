@@ -150,7 +150,7 @@ def test_derivatives_of_d_by_hand_are_those_of_jax():
     ):
         for one, other in zip(found, expected, strict=True):
             np.testing.assert_allclose(one, other, rtol=0.0, atol=EXACT * max(1.0, np.abs(other).max()))
-    for run in (thorax_term.thorax_kernel.by_machine, thorax_term.thorax_kernel.by_jax):
+    for run in (thorax_term.thorax_kernel.native, thorax_term.thorax_kernel.by_jax):
         D_again, *_ = run(*part, theta[:, None])
         np.testing.assert_allclose(D_again, by_projection[0], rtol=EXACT)
 

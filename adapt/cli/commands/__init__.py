@@ -1,1 +1,1 @@
-"""The commands of ``girdle``, a module a group."""
+"""Commands of ``girdle``: modules with options and help, and modules that run the commands."""

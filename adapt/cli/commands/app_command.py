@@ -1,4 +1,4 @@
-"""``girdle app``: the local page."""
+"""Options and help of ``girdle app``, the local page."""
 
 import importlib.util
 from typing import Annotated
@@ -13,15 +13,15 @@ def open_app(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Where the page is; 0: any that is free.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
 ) -> None:
-    """Open a local page: drop files, see what was read, adapt and diagnose, take everything as a zip.
+    """Open a local page: drop files, see what was read, adapt and diagnose, download everything as a zip.
 
-    Nobody but this machine can reach it (127.0.0.1). What it keeps is in a temporary folder, which ends with the page.
-    Needs the extra `app` of the package. Ctrl-C ends it.
+    Only this machine can reach the page (127.0.0.1). Its files are in a temporary folder, which is removed with the
+    page. Needs the extra `app` of the package. Ctrl-C ends the page.
     """
     if importlib.util.find_spec("nicegui") is None:
         cause = "the page needs nicegui, which is not installed"
         raise InputError("girdle app", None, cause, f"Install it: {pip_install('nicegui')}")
-    from adapt.cli.local_page.server import LOOPBACK, free_port, serve  # a web server: not for every command
+    from adapt.cli.local_page.server import LOOPBACK, free_port, serve  # slow import: a web server
 
     chosen = free_port(port)
     console.print(f"girdle app at http://{LOOPBACK}:{chosen} (Ctrl-C ends it)", soft_wrap=True)

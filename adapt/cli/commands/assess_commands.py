@@ -1,4 +1,4 @@
-"""``girdle diagnose``, ``girdle trust`` and ``girdle muscles``: their options and help."""
+"""Options and help of ``girdle diagnose``, ``girdle trust`` and ``girdle muscles``."""
 
 from typing import Annotated
 
@@ -19,10 +19,11 @@ from adapt.cli.options import (
 )
 
 HEAVIEST_LOAD_KG = 100.0
-"""Nobody holds more with a straight arm: it is a slip of the pen."""
+"""Largest load, kg. Nobody holds more with a straight arm: a larger number is a typing error."""
 
 HEAVIEST_KG = 700.0
-"""The heaviest person on record had some 635 kg (Guinness World Records): more is a slip of the pen, or no number."""
+"""Largest body mass, kg. The heaviest person on record had some 635 kg (Guinness World Records): a larger number is a
+typing error, or infinite."""
 
 
 def diagnose_gap(
@@ -42,8 +43,8 @@ def diagnose_gap(
         str,
         typer.Option(
             metavar="|".join(POSITION_USES),
-            help="Positions of landmarks in the motion files: use them; check the diagnosis by them, which does not "
-            "see them; or ignore them.",
+            help="Positions of landmarks in the motion files: use them as data; only check the result against them; or "
+            "ignore them.",
         ),
     ] = POSITION_USES[0],
     position_noise_mm: Annotated[
@@ -57,23 +58,24 @@ def diagnose_gap(
     tables: ShowTables = False,
     repeat: Repeat = None,
 ) -> None:
-    """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
+    """Say why the adapted model and the measurements still differ: the remaining gap, where it is, and its causes.
 
-    Looks for the causes of `girdle effects`, several at once, that predict motions and persons that were not fitted.
-    The answer is **none** (nothing beyond noise), **effect** (one cause or more, each with the names that these data
-    cannot tell apart) or **unknown** (no listed cause explains the rest). With it come the size of each cause, what it
-    was tested on, what to measure next, and the command that adapts with the causes. --tables adds the inclusion
-    probabilities and the gap budget (what adaptation, each cause and noise take of the gap on held-out motions).
+    Searches among the effects of `girdle effects`, several at once, for causes that predict held-out motions and
+    persons. The answer is **none** (nothing beyond noise), **effect** (one or more causes, each with the names that
+    these data cannot tell apart) or **unknown** (no listed cause explains the rest). The answer comes with the size of
+    each cause, the held-out data it was tested on, what to measure next, and the command that adapts with the causes.
+    --tables adds the inclusion probabilities and the gap budget (how much of the held-out gap adaptation, each cause
+    and noise explain).
 
-    More subjects and more kinds of motion help most: the same causes are sought in all of them. A subject with fewer
-    than four postures is left out.
+    More subjects and more kinds of motion help most, because the same causes are sought in all of them. Subjects with
+    fewer than four postures are left out.
 
-    Writes diagnosis.json (everything), budget.svg (what takes the gap away), inclusion.svg (how probably each candidate
-    is active), gap_heatmap.svg (where the gap is), gaps.svg (how far it shrinks), positions.csv (where landmarks
-    are simulated and were measured), the tables of `girdle adapt`, run.json and report.html (the page to look at).
-    With several models the figures are those of the model with the smallest gap after adaptation.
+    Writes diagnosis.json (everything), budget.svg (the gap budget), inclusion.svg (the inclusion probability of each
+    candidate), gap_heatmap.svg (where the gap is), gaps.svg (how far the gap shrinks), positions.csv (simulated and
+    measured positions of landmarks), the tables of `girdle adapt`, run.json and report.html (the page to look at). With
+    several models, the figures are those of the model with the smallest gap after adaptation.
     """
-    from adapt.cli.commands.assess_runs import diagnose_motions  # JAX and pandas: not for --help
+    from adapt.cli.commands.assess_runs import diagnose_motions  # slow import: JAX and pandas
 
     asked = asked_models(model, models_of)
     diagnose_motions(motions, out, asked, noise_deg, positions, position_noise_mm, angles, tables)
@@ -94,13 +96,13 @@ def trust_results(
 ) -> None:
     """Adapt as `girdle adapt` does, and say how far the result can be trusted.
 
-    Writes trust.csv (one row a subject: gaps in sample and held out, flat directions, warnings), uncertainty.csv (an
+    Writes trust.csv (one row per subject: gaps in sample and held out, flat directions, warnings), uncertainty.csv (an
     interval for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
-    plausibility.csv (are size and place a thorax's; do contact and conoid keep their directions, the serratus its
-    arms?), contact.csv (directions and arms of contact and conoid in each posture), with --choose-weight weights.csv,
-    the tables of `girdle adapt` and run.json.
+    plausibility.csv (are size and place those of a thorax; do contact and conoid keep their directions, and the
+    serratus its moment arms?), contact.csv (directions and moment arms of contact and conoid in each posture), with
+    --choose-weight weights.csv, the tables of `girdle adapt` and run.json.
     """
-    from adapt.cli.commands.assess_runs import assess_motions  # JAX and pandas: not for --help
+    from adapt.cli.commands.assess_runs import assess_motions  # slow import: JAX and pandas
 
     assess_motions(motions, out, asked_models(model, models_of), weight, choose_weight, own_bones, angles)
 
@@ -112,23 +114,25 @@ def muscle_results(
     models_of: ModelsOf = [],  # noqa: B006
     weight: Weight = WEIGHT,
     body_mass_kg: Annotated[
-        float, typer.Option(min=1.0, max=HEAVIEST_KG, help="Of the persons: an arm weighs a twentieth of it.")
+        float,
+        typer.Option(min=1.0, max=HEAVIEST_KG, help="Body mass of the persons, kg; the arm has a twentieth of it."),
     ] = BODY_MASS_KG,
     load_kg: Annotated[
-        float, typer.Option(min=0.0, max=HEAVIEST_LOAD_KG, help="Held in the hand, with the elbow straight.")
+        float, typer.Option(min=0.0, max=HEAVIEST_LOAD_KG, help="Load in the hand, kg, with the elbow straight.")
     ] = 0.0,
     angles: Angles = SIX,
     repeat: Repeat = None,
 ) -> None:
-    """Adapt as `girdle adapt` does, and compare muscle arms and the forces that hold the arm before and after.
+    """Adapt as `girdle adapt` does, and compare muscle moment arms and forces that hold the arm, before and after.
 
-    About SC, AC and GH. Needs how the humerus was held: from GH, EM and EL in the motion file, its columns
-    humerus_plane_deg and humerus_axial_deg, or, assumed, from the name of the motion; balance.csv says which.
+    Moment arms are about SC, AC and GH. The orientation of the humerus comes from GH, EM and EL in the motion file,
+    from its columns humerus_plane_deg and humerus_axial_deg, or is assumed from the name of the motion; balance.csv
+    says which.
 
-    Writes muscle_arms.csv (one row a subject and muscle), muscles.csv and balance.csv (one row a posture),
-    muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt`, run.json and
-    report.html (the page to look at: lines on the ellipsoid, arms over elevation).
+    Writes muscle_arms.csv (one row per subject and muscle), muscles.csv and balance.csv (one row per posture),
+    muscle_lines.csv (one row per posture and line), muscle_arms.svg, the tables of `girdle adapt`, run.json and
+    report.html (the page to look at: lines on the ellipsoid, moment arms over elevation).
     """
-    from adapt.cli.commands.assess_runs import compare_muscles  # JAX and pandas: not for --help
+    from adapt.cli.commands.assess_runs import compare_muscles  # slow import: JAX and pandas
 
     compare_muscles(motions, out, asked_models(model, models_of), weight, body_mass_kg, load_kg, angles)

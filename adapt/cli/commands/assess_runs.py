@@ -1,4 +1,4 @@
-"""What ``girdle diagnose``, ``girdle trust`` and ``girdle muscles`` do."""
+"""Runs of ``girdle diagnose``, ``girdle trust`` and ``girdle muscles``."""
 
 import gc
 import shlex
@@ -32,8 +32,8 @@ from motions import InputError
 from motions.landmarks.humerus_pose import humerus_pose
 
 MOST_NOISE_DEG = 20.0
-"""Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
-none."""
+"""Largest noise, degrees. A larger number, or one below what a diagnosis can estimate, is a typing error: every posture
+would be within the noise, or none."""
 
 
 def diagnose_motions(
@@ -46,15 +46,15 @@ def diagnose_motions(
     angles: str,
     tables: bool,
 ) -> None:
-    """Diagnose the gap, write the files of ``girdle diagnose`` and print what was found.
+    """Diagnose the gap, write the files of ``girdle diagnose`` and print the diagnosis.
 
-    asked: the models, as ``--model`` and ``--models-of`` name them.
+    ``asked``: the models, as given by ``--model`` and ``--models-of``.
     """
     if noise_deg is not None and not LEAST_DEG <= noise_deg <= MOST_NOISE_DEG:
         cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
     check_use(positions, position_noise_mm)
-    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
+    gc.freeze()  # keeps objects of the imports out of every garbage collection, which saves a tenth of a short run
     table, models, record = read_inputs(motions, asked, angles)
     with results_folder(out) as folder:
         with progress(errors) as report:
@@ -81,7 +81,7 @@ def diagnose_motions(
 def _next_command(
     diagnoses: Diagnoses, motions: Sequence[Path], sets: Mapping[str, str], out: Path, angles: str
 ) -> str:
-    """Write the command that adapts the same motions with own bones and, where there are any, with the causes."""
+    """Write the command that adapts the same motions with own bones and, if there are any, with the causes."""
     asked = sets[diagnoses.closest.model]
     model = ("--models-of" if Path(asked).is_dir() else "--model", asked)
     causes = (EFFECTS_OF_OPTION, str(out)) if diagnoses.closest.options else ()
@@ -120,13 +120,13 @@ def compare_muscles(
     load_kg: float,
     angles: str,
 ) -> None:
-    """Adapt, write the files of ``girdle muscles`` and print arms and forces before and after."""
+    """Adapt, write the files of ``girdle muscles`` and print moment arms and forces before and after adaptation."""
     from adapt.output.muscle_files import write_muscles  # matplotlib takes half a second to load: not for every command
 
     table, sets, record = read_inputs(motions, models, angles)
     for one in sets:
-        muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
-    humerus_pose(table)  # and a column without numbers
+        muscle_lines_of(one, table.subjects)  # raises for a set without landmarks before anything is fitted
+    humerus_pose(table)  # raises for a column without numbers
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = adapt_subjects(table, sets, weight, progress=report)

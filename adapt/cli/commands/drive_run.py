@@ -1,6 +1,6 @@
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Hashable" of a group's key)
-"""What ``girdle drive`` does."""
+"""Run of ``girdle drive``."""
 
 from pathlib import Path
 
@@ -19,11 +19,11 @@ from motions.formats.free_coordinates import COORDINATE_COLUMNS, FREE_COORDINATE
 from motions.motion_csv.columns import ANGLE_COLUMNS
 
 _MOST_PRINTED = 50
-"""Postures of which each has a line."""
+"""Largest number of postures printed, one per line."""
 
 
 def drive_motions(motions: list[Path], out: Path, model: str, inverse: bool) -> None:
-    """Drive the girdle, or look the other way, write the files of ``girdle drive`` and print the postures."""
+    """Compute postures, or coordinates with ``inverse``; write the files of ``girdle drive`` and print the result."""
     record, parameters = inputs_record(motions, [model]), load_model(model)
     read = read_motions if inverse else read_free_coordinates
     table = Motions.concatenate([read(path) for path in motions])
@@ -38,7 +38,7 @@ def drive_motions(motions: list[Path], out: Path, model: str, inverse: bool) -> 
 
 
 def _print_driven(console: Console, found: DrivenPostures) -> None:
-    """Print the postures of each motion; a dash where one was not reached."""
+    """Print the postures of each motion; dashes where a posture was not reached."""
     shown = found.table.head(_MOST_PRINTED)
     for (subject, motion), rows in shown.groupby(["subject", "motion"], sort=False):
         title = f"{found.model.name}, {subject}, {motion}: mm and degrees"

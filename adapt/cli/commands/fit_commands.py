@@ -1,4 +1,4 @@
-"""``girdle fit`` and ``girdle adapt``: their options and help."""
+"""Options and help of ``girdle fit`` and ``girdle adapt``."""
 
 from typing import Annotated
 
@@ -35,11 +35,11 @@ def fit(
     effects_of_folder: EffectsOf = None,
     repeat: Repeat = None,
 ) -> None:
-    """Fit every posture with the models as they are (Tables 6.1 and 6.2).
+    """Fit every posture with the models as they are, without adaptation (Tables 6.1 and 6.2).
 
-    Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
+    Writes fits.csv (one row per posture), summary.csv (subjects by angles) and run.json.
     """
-    from adapt.cli.commands.fit_runs import fit_motions  # JAX and pandas: not for --help
+    from adapt.cli.commands.fit_runs import fit_motions  # slow import: JAX and pandas
     from adapt.cli.commands.known_effects import effects_of
 
     effect = [*effects_of(effects_of_folder), *effect]
@@ -74,15 +74,15 @@ def adapt(
     tables: ShowTables = False,
     repeat: Repeat = None,
 ) -> None:
-    """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
+    """Adapt thorax ellipsoid and conoid length to each subject, over all its motions together (Tables 6.1-6.6).
 
-    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, heldout.csv (the gap on each
+    Writes fits.csv (before and after), parameters.csv (one row per subject), summary.csv, heldout.csv (the gap on each
     motion, adapted without it), run.json, report.html (the page to look at) and, in models/, each adapted model as a
-    TOML file that --model takes. Where positions of SC, AC, TS, AI or AA were measured, positions.csv too.
+    TOML file for --model. positions.csv is added where positions of SC, AC, TS, AI or AA were measured.
 
-    Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
+    Any number of subjects is worked on in parts, in bounded memory; a run that was stopped continues where it stopped.
     """
-    from adapt.cli.commands.fit_runs import AdaptOptions, adapt_motions  # JAX and pandas: not for --help
+    from adapt.cli.commands.fit_runs import AdaptOptions, adapt_motions  # slow import: JAX and pandas
     from adapt.cli.commands.known_effects import effects_of
 
     effect = [*effects_of(effects_of_folder), *effect]

@@ -1,4 +1,4 @@
-"""What ``girdle fit`` and ``girdle adapt`` do."""
+"""Runs of ``girdle fit`` and ``girdle adapt``."""
 
 import gc
 from collections.abc import Iterator, Sequence
@@ -51,8 +51,8 @@ from motions.table import Motions, warn_of_alike_motions
 def fit_motions(
     motions: list[Path], out: Path, models: list[str], float32: bool, angles: str, effect: list[str]
 ) -> None:
-    """Fit every posture with the models as they are, write the files of ``girdle fit`` and print them."""
-    effects = read_known(effect).effects  # without adaptation there are no thorax points to weigh
+    """Fit every posture without adaptation, write the files of ``girdle fit`` and print the summary."""
+    effects = read_known(effect).effects  # only an adaptation uses the thorax points
     table, sets, record = read_inputs(motions, models, angles)
     with results_folder(out) as folder:
         with progress(errors) as report:
@@ -68,7 +68,7 @@ def fit_motions(
 
 @dataclass(frozen=True)
 class AdaptOptions:
-    """The options of ``girdle adapt`` that run.json records, by their names in it."""
+    """Options of ``girdle adapt`` that run.json records, under the same names."""
 
     weight: float
     reading: str
@@ -88,12 +88,12 @@ def adapt_motions(
     dask: str = "",
     tables: bool = False,
 ) -> None:
-    """Adapt the models to each subject, write the files of ``girdle adapt`` and print what they are worth.
+    """Adapt the models to each subject, write the files of ``girdle adapt`` and print a verdict per parameter set.
 
-    named: the models, as ``--model`` and ``--models-of`` name them. chunk: subjects worked on at a time. dask: the
-    address of a scheduler. tables: print the tables too.
+    ``named``: the models, as given by ``--model`` and ``--models-of``. ``chunk``: number of subjects worked on at a
+    time. ``dask``: address of a scheduler. ``tables``: True to print the tables too.
     """
-    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
+    gc.freeze()  # keeps objects of the imports out of every garbage collection, which saves a tenth of a short run
     _check_objective(asked.reading)
     check_angles(asked.angles)
     known = read_known(asked.effect, asked.thorax_downweighting)
@@ -109,7 +109,7 @@ def adapt_motions(
         people = _people(files, missing, subjects, models, known, asked.angles)
     work = Work(tuple(models), asked.weight, asked.reading, shown, held_out, asked.float32, known.effects, less, people)
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
-    chunks = _chunks(files, missing, asked.angles, size)  # bad input is found before a folder is made for it
+    chunks = _chunks(files, missing, asked.angles, size)  # finds bad input before the folder of the results is made
     options: dict[str, object] = asdict(asked)
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
@@ -142,7 +142,7 @@ def _check_objective(reading: str) -> None:
 
 
 def _chunks(files: MotionStream, missing: dict[str, InputError], angles: str, size: int) -> Iterator[Motions]:
-    """Read so many subjects at a time, the first at once."""
+    """Read ``size`` subjects at a time, the first chunk immediately."""
     parts = (without_subjects(part, missing) for part in files.in_chunks(size))
     chunks = (one for one in (with_angles(part, angles) for part in parts) if len(one.posture))
     first = not_empty(next(chunks, None), angles)
@@ -151,7 +151,7 @@ def _chunks(files: MotionStream, missing: dict[str, InputError], angles: str, si
 
 
 def _in_words(work: Work, angles: str, known: Known) -> str:
-    """How the models were adapted."""
+    """Describe in words how the models were adapted."""
     of_angles = [] if angles == SIX else [f"{angles} angles"]
     own_bones = [] if work.people is None else [OWN_BONES]
     return ", ".join([f"w = {work.weight:g}", f"objective {work.reading}", *of_angles, *own_bones, *known.texts])
@@ -176,7 +176,7 @@ def _people(
     known: Known,
     angles: str,
 ) -> People:
-    """Learn how the persons of the whole run differ, so that no part depends on how many there are."""
+    """Learn how the persons of the whole run differ, so that no result depends on the number of parts."""
     chosen = list(own_sample(subjects))
     parts = (without_subjects(part, missing) for part in files.in_chunks(LANES))
     motions = with_angles(Motions.concatenate([part.select(np.isin(part.subject, chosen)) for part in parts]), angles)

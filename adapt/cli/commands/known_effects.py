@@ -1,4 +1,4 @@
-"""What ``--effect`` and ``--thorax-downweighting`` say, as the fits take it."""
+"""Values of ``--effect`` and ``--thorax-downweighting``, in the form that the fits take."""
 
 import json
 from collections.abc import Sequence
@@ -13,36 +13,36 @@ from motions.errors import InputError
 from motions.files import read_text
 
 THORAX_POINTS = "thorax_points"
-"""The same setting of E as ``THORAX_OPTION``, as ``--effect`` takes it."""
+"""Name under which ``--effect`` takes the value of ``THORAX_OPTION``."""
 
 DOWN_WEIGHTED = "prior thorax points down-weighted"
 
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the subjects: active effects, and how many times less the prior thorax points count."""
+    """Known properties of the subjects: active effects, and the down-weighting factor of the prior thorax points."""
 
     effects: Amplitudes
     thorax_downweighting: float = 1.0
 
     @property
     def texts(self) -> list[str]:
-        """Describe what is known, a phrase each: 'with thorax_asymmetry of 5 mm'."""
+        """Known properties in words, one phrase each: 'with thorax_asymmetry of 5 mm'."""
         effects, k = described(self.effects), self.thorax_downweighting
         return [*([f"with {effects}"] if effects else []), *([f"{DOWN_WEIGHTED} {k:g} times"] if k != 1.0 else [])]
 
 
 def read_known(words: Sequence[str], thorax_downweighting: float = 1.0) -> Known:
-    """Read the words of ``--effect`` and the number of ``--thorax-downweighting``; InputError where one cannot be.
+    """Read the values of ``--effect`` and ``--thorax-downweighting``; raise an InputError for an invalid value.
 
-    ``--effect thorax_points=30``, as diagnosis.json has it, is ``--thorax-downweighting 30``.
+    ``--effect thorax_points=30``, as written in diagnosis.json, means ``--thorax-downweighting 30``.
     """
     as_effect = [word for word in words if _is_thorax(word)]
     if len(as_effect) + (thorax_downweighting != 1.0) > 1:
         raise InputError(THORAX_OPTION, None, f"it is there twice, {OPTION} {as_effect[0]} is the same", "Give it once")
     effects = read_amplitudes([word for word in words if not _is_thorax(word)])
     known = Known(effects, _number(as_effect[0]) if as_effect else thorax_downweighting)
-    down_weighted(WEIGHT, known.thorax_downweighting, THORAX_OPTION)  # refuses a number that cannot be, before any fit
+    down_weighted(WEIGHT, known.thorax_downweighting, THORAX_OPTION)  # raises for an invalid factor, before any fit
     return known
 
 
@@ -50,7 +50,10 @@ _GIVE_A_DIAGNOSIS = "Give the folder that `girdle diagnose --out FOLDER` has wri
 
 
 def effects_of(folder: Path | None) -> list[str]:
-    """Read the causes of a diagnosis as ``--effect`` takes them; none without a folder. InputError if it has none."""
+    """Read the causes of a diagnosis in the form of ``--effect``; without a folder there are none.
+
+    Raise an InputError where the folder has no diagnosis, or the diagnosis has no causes to adapt with.
+    """
     if folder is None:
         return []
     path = folder / "diagnosis.json"
@@ -72,7 +75,7 @@ def effects_of(folder: Path | None) -> list[str]:
 
 
 def say_known(known: Known) -> None:
-    """Print which effects are active, and how much less the prior thorax points count."""
+    """Print the active effects and the down-weighting of the prior thorax points."""
     if effects := described(known.effects):
         print_folded(console, f"With {effects} active in every subject.")
     if known.thorax_downweighting != 1.0:

@@ -1,4 +1,4 @@
-"""What ``girdle models``, ``girdle effects`` and ``girdle simulate`` do."""
+"""Runs of ``girdle models``, ``girdle effects`` and ``girdle simulate``."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from models.effects.course import FULL_ELEVATION_DEG, OverElevation
 from motions import write_motions
 
 NO_UNIT = "1"
-"""Of an effect that has none."""
+"""Unit of an effect that has none."""
 
 
 def print_models() -> None:
@@ -59,12 +59,12 @@ def print_effects() -> None:
 
 
 def _places(effect: Effect) -> str:
-    """Where the amplitude of each direction stands: 'ALONG,UP,BACK'."""
+    """Write a placeholder for the amplitude of each direction: 'ALONG,UP,BACK'."""
     return ",".join(direction.upper().replace(" ", "_") for direction in effect.directions)
 
 
 def _unit(effect: Effect) -> str:
-    """The unit of an amplitude in words; of an effect over elevation, where it holds."""
+    """Write the unit of an amplitude in words, with the elevation at which an amplitude over elevation holds."""
     over = isinstance(effect.course, OverElevation)
     if effect.unit == NO_UNIT:
         return "no unit"

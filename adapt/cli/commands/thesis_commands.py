@@ -1,4 +1,4 @@
-"""``girdle compare`` and ``girdle questions``: their options and help."""
+"""Options and help of ``girdle compare`` and ``girdle questions``."""
 
 from typing import Annotated
 
@@ -31,15 +31,16 @@ def compare(
     angles: Angles = SIX,
     repeat: Repeat = None,
 ) -> None:
-    """Make Tables 3.4, 3.5 and 6.1-6.6 of the thesis of your motions and sets, beside the printed ones.
+    """Make Tables 3.4, 3.5 and 6.1-6.6 of the thesis from your motions and sets, beside the printed ones.
 
-    Tables 6.1-6.6: every set adapted to abduction and flexion of a subject together, and looked at in abduction. Tables
-    3.4 and 3.5: mean motions (--mean), the sets as they are. Printed numbers stand beside those of R2, R4 and R6.
+    Tables 6.1-6.6: every set is adapted to abduction and flexion of a subject together; the gaps are those in
+    abduction. Tables 3.4 and 3.5: mean motions (--mean), with the sets as they are. Printed numbers are there for R2,
+    R4 and R6.
 
-    Writes comparison.csv, one row a number: table, source (thesis or girdle), model, row (subject or statistic),
-    quantity, unit, value, sd; and run.json.
+    Writes comparison.csv (one row per number: table, source (thesis or girdle), model, row (subject or statistic),
+    quantity, unit, value, sd) and run.json.
     """
-    from adapt.cli.commands.thesis_runs import compare_with_thesis  # JAX and pandas: not for --help
+    from adapt.cli.commands.thesis_runs import compare_with_thesis  # slow import: JAX and pandas
 
     compare_with_thesis(motions, out, asked_models(model, models_of), mean, abduction, flexion, angles)
 
@@ -52,15 +53,15 @@ def questions(
     mean: Means = [],  # noqa: B006
     repeat: Repeat = None,
 ) -> None:
-    """Ask measured motions the questions of the thesis's chapter 7.
+    """Answer the questions of the thesis's chapter 7 from measured motions.
 
-    Do TS and AI keep a constant distance to the thorax? A scapulo-humeral rhythm, or scapula and clavicle measured? An
-    ellipsoid for each posture? Postures need all six angles and an elevation of the arm. Intervals are 95 % t intervals
-    over persons; left and right of one person are one.
+    Do TS and AI keep a constant distance to the thorax? Is a scapulo-humeral rhythm enough, or should scapula and
+    clavicle be measured? Does each posture need its own ellipsoid? Postures need all six angles and an elevation of the
+    arm. Intervals are 95 % t intervals over persons; left and right shoulder of one person count as one.
 
-    Writes questions.csv, one row a number: question, model, case, quantity, unit, who (persons, or the group mean),
-    value, low, high; and run.json.
+    Writes questions.csv (one row per number: question, model, case, quantity, unit, who (persons, or the group mean),
+    value, low, high) and run.json.
     """
-    from adapt.cli.commands.thesis_runs import answer_questions  # JAX and pandas: not for --help
+    from adapt.cli.commands.thesis_runs import answer_questions  # slow import: JAX and pandas
 
     answer_questions(motions, out, asked_models(model, models_of), mean)

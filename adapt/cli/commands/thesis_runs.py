@@ -1,4 +1,4 @@
-"""What ``girdle compare`` and ``girdle questions`` do."""
+"""Runs of ``girdle compare`` and ``girdle questions``."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from adapt.trust.thesis.comparison import MotionNames, comparison, lacking
 def compare_with_thesis(
     motions: list[Path], out: Path, models: list[str], mean: list[str], abduction: str, flexion: str, angles: str
 ) -> None:
-    """Make the tables of the thesis, write the files of ``girdle compare`` and print them beside the printed ones."""
+    """Make the tables of the thesis, write the files of ``girdle compare`` and print them beside the printed tables."""
     table, sets, record = read_inputs(motions, models, angles)
     names = MotionNames.of(table, abduction, flexion)
     with results_folder(out) as folder:

@@ -1,1 +1,1 @@
-"""Files of a laboratory, images and persons, on the command line."""
+"""Commands on landmark files, images and parameter sets of persons."""

@@ -1,4 +1,4 @@
-"""What the options of ``girdle convert`` and ``girdle model`` say of a file of landmarks."""
+"""Labels of a landmark file, from the options of ``girdle convert`` and ``girdle model``."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from motions.motion_csv.cells import SIDES
 def asked_labels(
     subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str, gh_from_ac: str = ""
 ) -> Labels:
-    """Make the labels of what the options say. InputError that names the option with a word that is none."""
+    """Create the labels from the options; raise an InputError that names an option with an invalid value."""
     if side not in SIDES:
         raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
     rotation = named(aa_to_ac, ROTATIONS, "--aa-to-ac", "rotation") if aa_to_ac else None
@@ -22,7 +22,7 @@ def asked_labels(
 
 
 def _elevations(at: str) -> tuple[float, ...]:
-    """The numbers of --at, each once, from low to high."""
+    """Read the numbers of ``--at``, each once, in ascending order."""
     try:
         found = tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
     except ValueError:

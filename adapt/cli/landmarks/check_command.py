@@ -1,4 +1,4 @@
-"""``girdle check``: its options and help."""
+"""Options and help of ``girdle check``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,17 +20,19 @@ def check(
     ] = None,
     names: Names = None,
 ) -> None:
-    """Check landmarks: distances that bones keep, rigid motions between postures, what no person has (Chapters 4, 5).
+    """Check landmarks: distances within bones, rigid motions between postures, impossible values (Chapters 4 and 5).
 
-    Of one file: distances.csv (every pair of points over the postures, with the range of adults) and
-    rigid_motions.csv (rotation, translation and residual of each bone from its first posture); with `global` in --map,
-    thorax.csv (the thorax against the global frame, Appendix A). Landmarks that are no person's, that jump or slip are
-    named.
+    For one file, writes distances.csv (every pair of points over the postures, with the range of adults) and
+    rigid_motions.csv (rotation, translation and residual of each bone from its first posture); with `global` in --map
+    also thorax.csv (the thorax against the global frame, Appendix A). Landmarks that no person can have, jumps and
+    landmark outliers are named.
 
-    Of two files of one posture each: distances.csv (the difference of the distance matrices, Tables 4.1 and 5.1, and
-    which points are of the largest set that agrees) and rigid_motions.csv (the motion between them by these points, or
-    by all where they are fewer than three, Table 5.2). Points may have any names. And run.json.
+    For two files of one posture each, writes distances.csv (the difference of the distance matrices, Tables 4.1 and
+    5.1, and the points in the largest set that agrees) and rigid_motions.csv (the motion between the files by these
+    points, or by all points where these are fewer than three, Table 5.2). Points may have any names.
+
+    Also writes run.json.
     """
-    from adapt.cli.landmarks.check_run import check_landmarks  # pandas and readers of files: not for --help
+    from adapt.cli.landmarks.check_run import check_landmarks  # slow import: pandas and file readers
 
     check_landmarks(landmarks, out, other, names)

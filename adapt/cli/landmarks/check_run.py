@@ -1,6 +1,6 @@
 # pyright: reportGeneralTypeIssues=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What ``girdle check`` does: are landmarks those of a bone, and what differs between two measurements of it?"""
+"""Run of ``girdle check``: do the landmarks fit one bone, and how do two measurements of a bone differ?"""
 
 from pathlib import Path
 
@@ -21,11 +21,11 @@ from motions.landmarks.mapping import MIDDLES, Mapping, read_mapping
 from motions.landmarks.sampled_postures import THORAX_COLUMNS
 
 _MOST_PRINTED = 60
-"""Rows of a table on the terminal."""
+"""Largest number of rows of a table on the terminal."""
 
 
 def check_landmarks(landmarks: Path, out: Path, other: Path | None, names: Path | None) -> None:
-    """Check landmarks, write the files of ``girdle check``, print them and end with what is wrong."""
+    """Check landmarks, write and print the tables of ``girdle check``, and end with the errors found."""
     mapping = read_mapping(names)
     sets = read_landmark_sets(landmarks, mapping)
     thorax = None if mapping.R_lab_global is None else thorax_of_landmarks(sets, mapping.R_lab_global)
@@ -52,7 +52,7 @@ def _of_one(sets: list[LandmarkSet]) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def differences_of_two(file: Path, other: Path, mapping: Mapping) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Compare two files of one posture each (``two_tables``). InputError where they cannot be compared."""
+    """Compare two files of one posture each (``two_tables``); raise an InputError where they cannot be compared."""
     first, second = read_landmark_sets(file, mapping), read_landmark_sets(other, mapping)
     for path, sets in ((file, first), (other, second)):
         if len(sets) > 1:
@@ -69,7 +69,7 @@ def differences_of_two(file: Path, other: Path, mapping: Mapping) -> tuple[pd.Da
 
 
 def unsound(own: LandmarkSet, file: str) -> list[InputError]:
-    """Find what makes these landmarks no person's, or slips; nothing of points that are not a shoulder's landmarks."""
+    """List impossible landmarks and landmark outliers as errors; none for points that are no shoulder landmarks."""
     needed = [name for name in NEEDED if name not in MIDDLES]
     if not set(needed) <= set(own.points_mm):
         return []

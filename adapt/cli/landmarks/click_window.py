@@ -1,7 +1,8 @@
-"""A window that shows slices and takes the clicks of one contour; what it found so far is drawn in it.
+"""Window that shows slices, takes the clicks of one contour, and draws the contour found so far.
 
-Left button: a click. Right button: takes the last one of this slice back. n and p: next and previous slice. c: the next
-three clicks are a correction, from and to on the contour, and via. d: they are drawn again. Close the window to end.
+Left button: add a click. Right button: remove the last click in this slice. n and p: next and previous slice. c: the
+next three clicks are a correction (from and to on the contour, and via). d: the next clicks draw a contour, as at the
+start. Close the window to end.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,11 +23,11 @@ from motions.errors import InputError
 _HELP = "left: click, right: take back, n/p: slice, c: correct (from, to, via), d: draw; close to end"
 
 _MOST_SLOPES = 100
-"""Slices of which the slopes are kept: 4 MB each of 512 x 512."""
+"""Largest number of slices whose slopes are kept: 4 MB per slice of 512 x 512."""
 
 
 def require_screen() -> None:
-    """Raise InputError where matplotlib has no window to show."""
+    """Raise an InputError where matplotlib cannot show a window."""
     if plt.get_backend().lower() not in backend_registry.list_builtin(BackendFilter.INTERACTIVE):
         cause = f"matplotlib shows no window here (its backend is {plt.get_backend()})"
         raise InputError(
@@ -35,7 +36,7 @@ def require_screen() -> None:
 
 
 class ClickWindow:
-    """The window; ``clicks`` are what was clicked so far, of all contours."""
+    """Window of the clicks; ``clicks`` holds the clicks of all contours so far."""
 
     def __init__(self, slices: Sequence[ImageSlice], clicks: Sequence[Click], label: Label, settings: Settings):
         self.clicks, self.current, self.use = list(clicks), 0, DRAW
@@ -44,14 +45,14 @@ class ClickWindow:
         self.figure, self._axes = plt.subplots()
         canvas = self.figure.canvas
         if canvas.manager is not None and canvas.manager.key_press_handler_id is not None:
-            canvas.mpl_disconnect(canvas.manager.key_press_handler_id)  # its keys are ours
+            canvas.mpl_disconnect(canvas.manager.key_press_handler_id)  # the window has its own keys
         canvas.mpl_connect("button_press_event", self._pressed)
         canvas.mpl_connect("key_press_event", self._typed)
         self._draw()
 
     @property
     def contour(self) -> Line | None:
-        """What these clicks give in the slice that is shown; None where they give nothing yet."""
+        """Contour in the displayed slice from the clicks so far; None where there is no contour yet."""
         mine = [one for one in self.clicks if one.label == self._label]
         try:
             clicks = by_slice(mine, "the clicks").get(self._label, {})

@@ -1,4 +1,4 @@
-"""``girdle contour``: image slices and clicks in, points of bones in mm out."""
+"""Run of ``girdle contour``: image slices and clicks in, points of bones in mm out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ from motions.files import atomic_write, printable
 from motions.formats.person_file import SURFACES
 
 _DIGITS = 3
-"""Of a coordinate, mm or pixels."""
+"""Decimals of a coordinate, mm or pixels."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """One contour through the slices."""
+    """One contour followed through the slices."""
 
     label: Label
     slices: int
     points: int
     volume_cm3: float
-    """Area times distance of the slices; NaN of a single slice."""
+    """Sum of the areas times the distance between slices; NaN for a single slice."""
     left_out: tuple[str, ...]
-    """Files of slices in which a part of the contour lies on no edge: their points are not written."""
+    """Files of the slices in which a part of the contour lies on no edge; their points are not written."""
 
 
 def write_contours(
@@ -45,10 +45,10 @@ def write_contours(
     in_window: str = "",
     volumes: Path | None = None,
 ) -> list[Followed]:
-    """Write the points of every contour as ``girdle model --points`` reads them.
+    """Write the points of every contour in the form that ``girdle model --points`` reads.
 
-    in_window: the surface whose clicks a window takes first; they are added to the file of clicks. volumes: a file for
-    the volume of each. InputError where a slice, a click or a contour is wrong.
+    ``in_window``: surface for which a window takes clicks first; these are added to the file of clicks. ``volumes``:
+    file for the volume of each surface. Raise an InputError where a slice, a click or a contour is wrong.
     """
     slices = read_slices(paths, *sizes_mm)
     known = read_clicks(clicks, slices) if clicks.exists() or not in_window else []
@@ -109,7 +109,7 @@ def _rows(label: Label, of: ImageSlice, polygon_px) -> list[dict[str, object]]:
 
 
 def print_contours(console: Console, done: Sequence[Followed], out: Path) -> None:
-    """Say what was found, and which slices to look at."""
+    """Print the contours that were found, and the slices to look at."""
     for one in done:
         whose = " ".join(word for word in one.label if word)
         volume = "" if np.isnan(one.volume_cm3) else f", {one.volume_cm3:.1f} cm3"

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``girdle convert``: files in, one file (or a folder of them) out; what it does follows from their names."""
+"""Run of ``girdle convert``: files in, one file or a folder of files out; their names determine the conversion."""
 
 import importlib.util
 from collections.abc import Sequence
@@ -41,11 +41,12 @@ def convert(
     isb: bool = False,
     statics: Sequence[Path] = (),
 ) -> Motions | None:
-    """Write the sources as the target; the motions that were written, or None if it was a table or a model.
+    """Convert the sources to the target; return the motions that were written, or None for a table or a model.
 
     Motions (markers, angles, a Spartacus checkout, motion CSV, fits.csv; several files or a folder of them) become
-    .csv, .mot or a folder of .mot files, a table .parquet, a parameter set .osim. InputError if a source cannot be read
-    or has no such form; of several, those that cannot are left out and named.
+    .csv, .mot or a folder of .mot files; a table becomes .parquet, a parameter set .osim. Raise an InputError if a
+    source cannot be read or converted to that form; several sources are read without the unreadable ones, which are
+    named.
     """
     if isb and target.suffix.lower() not in ("", ".mot"):
         cause = f"only .mot files hold ISB's angles, and {target} is none"
@@ -82,7 +83,7 @@ def _convert_one(
 
 
 def _write(motions: Motions, target: Path, isb: bool) -> None:
-    """Write motions in the form that the name of the target says. InputError if it says none."""
+    """Write motions in the form that the name of the target asks for; raise an InputError for an unknown ending."""
     kind = target.suffix.lower()
     _check_replaceable(target)
     if kind == ".csv":
@@ -98,7 +99,7 @@ def _write(motions: Motions, target: Path, isb: bool) -> None:
 
 
 def _check_replaceable(target: Path) -> None:
-    """InputError where the target is a file of a laboratory: the name to write to was left out."""
+    """Raise an InputError where the target is a laboratory's file, because the name of the output was left out."""
     if not target.is_file() or target.suffix.lower() not in (".csv", ".mot"):
         return
     head = read_head(target)
@@ -109,7 +110,7 @@ def _check_replaceable(target: Path) -> None:
 
 
 def write_one_mot(motions: Motions, target: Path, isb: bool) -> None:
-    """Write the one motion of the one subject. InputError if there are more: a .mot file has a single time."""
+    """Write a single motion; raise an InputError if there are several, as a .mot file has a single time."""
     parts = split(motions)
     if len(parts) > 1:
         cause = f"there are {len(parts)} motions and a .mot file holds one"
@@ -127,7 +128,7 @@ def write_mot_folder(motions: Motions, folder: Path, isb: bool) -> None:
 
 
 def write_parquet(source: Path, target: Path) -> None:
-    """Write a CSV table as Parquet, names as text. InputError if it is none, or if pyarrow is not installed."""
+    """Write a CSV table as Parquet, names as text; raise an InputError if it is no table, or pyarrow is missing."""
     if importlib.util.find_spec("pyarrow") is None:
         cause = "Parquet needs pyarrow, which is not installed"
         raise InputError(str(target), None, cause, f"Install it: {pip_install('pyarrow')}")
@@ -135,10 +136,10 @@ def write_parquet(source: Path, target: Path) -> None:
 
 
 def simulated_motions(fits: Path) -> Motions:
-    """Read the simulated angles of a ``fits.csv``, of the postures whose fit is ``ok``.
+    """Read the simulated angles of the postures in a ``fits.csv`` whose status is ``ok``.
 
-    They are those after adaptation where the file has them. The subjects are called MODEL_SUBJECT. InputError if there
-    is no such posture, or if the file is not as it was written.
+    Angles after adaptation are taken where the file has them. The subjects are called MODEL_SUBJECT. Raise an
+    InputError if there is no such posture, or if the file was changed after it was written.
     """
     table, file = read_table(fits), str(fits)
     if missing := [name for name in (*_TEXT_COLUMNS, *_NUMBERS_OF_FITS) if name not in table.columns]:
@@ -150,7 +151,7 @@ def simulated_motions(fits: Path) -> Motions:
         raise InputError(file, None, "no posture was fitted", "Look at the column status")
     adapted, posture = values[:, 0], values[:, 1]
     whole = np.isfinite(np.delete(values, 2, axis=1)).all(axis=1) & (np.abs(posture) < LARGEST_POSTURE)
-    if not whole.all():  # an elevation need not be known
+    if not whole.all():  # the elevation may be unknown
         raise InputError(file, rows[int(np.argmin(whole))].line, "a number of the posture is missing", _AS_WRITTEN)
     kept = np.flatnonzero(adapted == adapted.max())
     said = "simulated by the adapted model" if adapted.max() else "simulated by the model as it is"
@@ -166,9 +167,9 @@ def simulated_motions(fits: Path) -> Motions:
 
 
 def _table(path: Path) -> pd.DataFrame:
-    """A CSV table as it was written: numbers with all their digits, names as text even where they look like numbers.
+    """Read a CSV table without loss: numbers with all digits, names as text even where they look like numbers.
 
-    InputError if it is none.
+    Raise an InputError if the file is no CSV table.
     """
     names = [name for name in read_table(path).columns if name in _TEXT_COLUMNS]
     return pd.read_csv(path, dtype=dict.fromkeys(names, "str"), keep_default_na=False, na_values=[""])

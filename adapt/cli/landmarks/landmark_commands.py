@@ -1,4 +1,4 @@
-"""``girdle convert``, ``girdle model`` and ``girdle contour``: from what a laboratory measures to what is adapted."""
+"""Options and help of ``girdle convert``, ``girdle model`` and ``girdle contour``, which prepare measured data."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ Statics = Annotated[
 ]
 
 LARGEST = 10_000.0
-"""Pixels or mm, of an option about images: more is a slip of the pen, or no number."""
+"""Largest value in pixels or mm of an option about images; a larger number is a typing error, or infinite."""
 
 
 def convert_file(
@@ -41,9 +41,11 @@ def convert_file(
         ),
     ] = None,
     subject: Annotated[
-        str, typer.Option(help="Whose motion it is, if the file does not say; else its folder's or its own name.")
+        str, typer.Option(help="Name of the subject, if the file has none. Default: the name of its folder or file.")
     ] = "",
-    motion: Annotated[str, typer.Option(help="What motion it is, if the file does not say; else its name.")] = "",
+    motion: Annotated[
+        str, typer.Option(help="Name of the motion, if the file has none. Default: the name of the file.")
+    ] = "",
     side: Shoulder = "right",
     at: Annotated[
         str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
@@ -55,14 +57,14 @@ def convert_file(
     clavicle_z: ClavicleZ = CLAVICLE_Z[0],
     isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
 ) -> None:
-    """Bring files of your laboratory into this project's forms, and results into those of others.
+    """Convert files of your laboratory into motion files, and results into the formats of other programs.
 
-    Landmarks (.c3d, .trc, .csv, .tsv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which
-    the other commands take; many files become one. A motion file, or fits.csv with its simulated motions, becomes one
-    .mot or a folder of them; a parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table
-    becomes .parquet.
+    Landmarks (.c3d, .trc, .csv, .tsv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv) for the
+    other commands; many files become one. A motion file, or fits.csv with its simulated motions, becomes one .mot file
+    or a folder of them. A parameter set, such as an adapted model, becomes an OpenSim model (.osim). Any table becomes
+    .parquet.
     """
-    from adapt.cli.landmarks.asked_labels import asked_labels  # readers of laboratories' files: not for every command
+    from adapt.cli.landmarks.asked_labels import asked_labels  # slow import: file readers
     from adapt.cli.landmarks.convert import convert
     from adapt.cli.landmarks.many_files import first_file
     from adapt.cli.landmarks.write_map import write_map as write_mapping
@@ -120,20 +122,20 @@ def model_of_person(
     ] = "",
     names: Names = None,
     subject: Annotated[
-        str, typer.Option(help="Whose landmarks they are, if the file does not say; else its name.")
+        str, typer.Option(help="Name of the subject, if the file has none. Default: the name of the file.")
     ] = "",
     side: Shoulder = "right",
     static: Statics = None,
     aa_to_ac: AaToAc = "",
     sc_from_ij: ScFromIj = "",
 ) -> None:
-    """Make a parameter set of a person from landmarks, and from points if there are any (Chapters 4 and 5).
+    """Make a parameter set of a person from landmarks and, if there are any, points of surfaces (Chapters 4 and 5).
 
-    Lengths are medians over the postures. The thorax is fitted to points on it. What was not measured is that of
-    another set, carried to the person's bones. Every number has its source and its SD; `girdle adapt --model` takes
-    the file, `--models-of` a folder of them.
+    Lengths are medians over the postures. The thorax ellipsoid is fitted to points on the thorax. Numbers that were not
+    measured come from another set, carried to the person's bones. Every number has its source and its SD. The file is
+    for `girdle adapt --model`, a folder of such files for `--models-of`.
     """
-    from adapt.cli.landmarks.asked_labels import asked_labels  # readers of files: not for every command
+    from adapt.cli.landmarks.asked_labels import asked_labels  # slow import: file readers
     from adapt.cli.landmarks.person import SurfaceFiles, write_person_sets
     from adapt.cli.terminal.print_person import print_persons
     from models import load_model
@@ -163,43 +165,51 @@ def contours_of_slices(
     ] = False,
     surface: Annotated[
         str,
-        typer.Option(help="Of the clicks in the window: as `girdle model --points` names it, or any other, a muscle."),
+        typer.Option(
+            help="Surface of the clicks in the window: a name of `girdle model --points`, or any other, as a muscle."
+        ),
     ] = "thorax",
     volumes: Annotated[
         Path | None,
         typer.Option(help="CSV for the volume of each surface: area times distance of the slices.", show_default=False),
     ] = None,
     inside: Annotated[
-        str, typer.Option(help="What the bone is beside what surrounds it: bright, dark, either.")
+        str, typer.Option(help="Brightness of the bone against its surroundings: bright, dark, either.")
     ] = "either",
     half_width_px: Annotated[
         float,
-        typer.Option(min=1.0, max=LARGEST, help="How far from the clicks, or the slice before, an edge is looked for."),
+        typer.Option(
+            min=1.0,
+            max=LARGEST,
+            help="Width of the search for edges about the clicks or the previous slice, to each side.",
+        ),
     ] = HALF_WIDTH_PX,
     vector_px: Annotated[
         float,
         typer.Option(
-            min=0.0, max=LARGEST, help="How far the polygon of the points may be from the contour; 0 keeps all."
+            min=0.0,
+            max=LARGEST,
+            help="Largest distance of the polygon of the points from the contour; 0 keeps all points.",
         ),
     ] = VECTOR_PX,
     pixel_mm: Annotated[
         float | None,
-        typer.Option(min=1e-3, max=LARGEST, help="Size of a pixel, of images that do not say.", show_default=False),
+        typer.Option(min=1e-3, max=LARGEST, help="Size of a pixel, if the images do not say.", show_default=False),
     ] = None,
     slice_mm: Annotated[
         float | None,
         typer.Option(
-            min=-LARGEST, max=LARGEST, help="Distance of slices, of images that do not say.", show_default=False
+            min=-LARGEST, max=LARGEST, help="Distance of the slices, if the images do not say.", show_default=False
         ),
     ] = None,
 ) -> None:
     """Find contours of bones in image slices from a few clicks, and write their points in mm (Chapter 2).
 
-    Between clicks the contour follows the strongest edge near them. It is propagated to the other slices; where that
-    fails, a correction of three clicks, or a new contour, puts it right. Volumes are those of Table 4.8. Needs the
-    extra `contour` of the package.
+    Between clicks, the contour follows the strongest edge near them. The contour is propagated to the other slices;
+    where that fails, correct it with three clicks or draw a new contour. Volumes are computed as in Table 4.8. Needs
+    the extra `contour` of the package.
     """
-    from adapt.cli.landmarks.contour import print_contours, write_contours  # readers of images: not for every command
+    from adapt.cli.landmarks.contour import print_contours, write_contours  # slow import: image readers
     from models.person.contours.band import INSIDE, Settings
 
     if inside not in INSIDE:

@@ -1,4 +1,4 @@
-"""Many files of a laboratory, or a folder of them, as one table of motions: whose they are, and what is left out."""
+"""Many laboratory files, or a folder of them, as one table of motions: their subjects, and the files left out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,30 +14,30 @@ from motions.landmarks.sampled_postures import Labels
 from motions.table import Motions
 
 ENDINGS = (".c3d", ".trc", ".mot", ".sto", ".csv", ".tsv")
-"""Of the files that are taken out of a folder; one that ends in .txt has to be named."""
+"""Endings of the files that are read from a folder; a file that ends in .txt has to be named."""
 
 _MOST_NAMED = 5
-"""Files in a message."""
+"""Largest number of folders named in a message."""
 
 
 def is_folder_of_trials(path: Path) -> bool:
-    """Tell a folder of files from the checkout of a collection, which is one source."""
+    """Check whether a path is a folder of files, and not a Spartacus checkout, which is one source."""
     return path.is_dir() and not is_spartacus(path)
 
 
 def first_file(source: Path) -> Path:
-    """Return a file itself, or the first of a folder. InputError if there is none in it."""
+    """Return a file itself, or the first file of a folder; raise an InputError if the folder has none."""
     return _files([source], None, ())[0][0]
 
 
 def read_several(
     sources: Sequence[Path], target: Path, mapping: Mapping, labels: Labels, statics: Sequence[Path]
 ) -> Motions:
-    """Read every file of the sources, those of a folder and the folders in it too, as one table.
+    """Read every file of the sources, including files in subfolders, as one table.
 
-    The subject of a file that does not say it is ``labels.subject``, else the folder of a person that it lies in, else
-    the file's name. A file that cannot be read, or holds a motion that another has, is named in ``rejected``.
-    InputError if no file is left.
+    The subject of a file that does not name one is ``labels.subject``, else the folder of the person with the file,
+    else the file's name. A file that cannot be read, or repeats a motion of another file, is named in ``rejected``.
+    Raise an InputError if no file is left.
     """
     files = _files(sources, target, statics)
     _check_statics(statics, {folder for _, folder in files}, labels)
@@ -60,13 +60,13 @@ def read_several(
 
 
 def calibration_for(trial: Path, statics: Sequence[Path], mapping: Mapping, labels: Labels) -> Calibration | None:
-    """Read the static trials of a trial: files as they are named, or of that name in the trial's own folder."""
+    """Read the static trials of a trial: paths that exist, else files of these names in the trial's folder."""
     own = [path if path.exists() else trial.parent / path for path in statics]
     return read_calibration(own, mapping, labels)
 
 
 def _files(sources: Sequence[Path], target: Path | None, statics: Sequence[Path]) -> list[tuple[Path, str]]:
-    """Every file, and the folder of the person that it lies in; empty where all lie in one."""
+    """List every file with the name of its person's folder, which is empty where all files lie in one folder."""
     found: list[tuple[Path, str]] = []
     named = [path for path in sources if not is_folder_of_trials(path)]
     several = len({path.resolve().parent for path in named}) > 1
@@ -88,12 +88,12 @@ def _files(sources: Sequence[Path], target: Path | None, statics: Sequence[Path]
 
 
 def _is_trial(inside: Path, path: Path) -> bool:
-    """Tell a file that is read from others; one whose name, or whose folder's, begins with a point is hidden."""
+    """Check whether a file is to be read: known ending, no hidden file or folder (a name that begins with a dot)."""
     return path.suffix.lower() in ENDINGS and path.is_file() and not any(part.startswith(".") for part in inside.parts)
 
 
 def _check_statics(statics: Sequence[Path], folders: set[str], labels: Labels) -> None:
-    """InputError if the static trials of one person would calibrate others."""
+    """Raise an InputError if the static trials of one person would calibrate other persons."""
     shared = [path for path in statics if path.exists()]
     if shared and len(folders) > 1 and not labels.subject:
         cause = f"this static trial is of one person, and the trials are in the folders {_named(folders)}"
@@ -106,7 +106,7 @@ def _named(folders: set[str]) -> str:
 
 
 def _check_twice(part: Motions, path: Path, owner: dict[tuple[str, str], Path]) -> None:
-    """InputError if a motion of a subject is another file's too; else it is this file's."""
+    """Raise an InputError if another file has the same motion of a subject; else record this file as the owner."""
     pairs = set(zip(part.subject.tolist(), part.motion.tolist(), strict=True))
     for subject, motion in sorted(pairs):
         if (subject, motion) in owner:

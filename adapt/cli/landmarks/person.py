@@ -1,4 +1,4 @@
-"""``girdle model``: landmarks and points of persons in, a parameter set of each out."""
+"""Run of ``girdle model``: landmarks and points of persons in, a parameter set for each person out."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -26,19 +26,19 @@ TOML = ".toml"
 
 @dataclass(frozen=True)
 class Written:
-    """The set of one person, and its file."""
+    """Parameter set of one person, and its file."""
 
     subject: str
     path: Path
     built: PersonSet
     contours: tuple[str, ...]
     rest: str
-    """The posture in which it closes, with the elevation of the arm."""
+    """Posture in which the chain closes, with the elevation of the arm."""
 
 
 @dataclass(frozen=True)
 class SurfaceFiles:
-    """Surfaces of the generic scapula, in its scapula frame, and of the person's, in the frame of its landmarks."""
+    """Surfaces of the generic scapula (in its scapula frame) and of the person's (in the frame of the landmarks)."""
 
     generic: Path
     person: Path
@@ -56,11 +56,11 @@ def write_person_sets(
     surface_files: SurfaceFiles | None = None,
     statics: Sequence[Path] = (),
 ) -> tuple[list[Written], list[InputError]]:
-    """Write a parameter set of every subject in the source; and why others have none.
+    """Write a parameter set for every subject in the source; return the sets, and the errors of subjects without one.
 
-    target: a file that ends in .toml for one subject, else a folder. surface_files: of one subject alone. statics:
-    trials in which the landmarks were palpated that clusters carry into the source. InputError if the source cannot be
-    used at all.
+    ``target``: a file that ends in .toml for one subject, else a folder. ``surface_files``: for a single subject only.
+    ``statics``: trials with palpated landmarks, which clusters carry into the source. Raise an InputError if no set can
+    be written.
     """
     calibration = calibration_for(source, statics, mapping, labels)
     persons, rejected = read_persons(source, mapping, labels, points, calibration)
@@ -79,7 +79,7 @@ def write_person_sets(
             if calibration is not None:
                 contours = (*contours, f"Landmarks are those that clusters carried; the scapula's: {calibration.said}.")
             text = person_toml(person.subject, built, contours, person.described(at), generic.name)
-            parameter_set(parameter_document(text, person.file), person.file)  # what --model would refuse
+            parameter_set(parameter_document(text, person.file), person.file)  # raises where --model would refuse it
         except InputError as error:
             rejected.append(error)
             continue
@@ -102,9 +102,10 @@ def _paths(persons: list[PersonLandmarks], target: Path) -> Iterator[Path]:
 
 
 def _surfaces(person: PersonLandmarks, files: SurfaceFiles, mapping: Mapping) -> ScapularSurfaces:
-    """The surfaces of both scapulae in their own frames; the person's is where its landmarks are in the first posture.
+    """Return the surfaces of both scapulae in their own frames.
 
-    InputError where AC, TS or AI was not measured there, or lies far off the surface: it is in another frame then.
+    The person's surface is placed by the landmarks of the first posture. Raise an InputError where AC, TS or AI was not
+    measured there, or lies far off the surface, which is then in another frame.
     """
     at = {name: person.landmarks_mm[name][:, :1] for name in ("AC", "TS", "AI")}
     missing = [name for name, place in at.items() if name in person.stand_ins or not np.isfinite(place).all()]
@@ -126,8 +127,8 @@ def _surfaces(person: PersonLandmarks, files: SurfaceFiles, mapping: Mapping) ->
 
 
 FARTHEST_MM = 25.0
-"""Of AC, TS or AI from the surface of its own scapula: the AC joint has cartilage, landmarks are palpated through skin.
-Assumed: ten times the 1.1-2.4 mm of Table 5.2."""
+"""Largest distance of AC, TS or AI from the surface of the same scapula, mm: the AC joint has cartilage, and landmarks
+are palpated through skin. Assumed: ten times the 1.1-2.4 mm of Table 5.2."""
 
 
 def _built(
@@ -145,7 +146,7 @@ def _built(
 
 
 def _warn_inside(person: PersonLandmarks, built: PersonSet, generic: str, rest: str) -> None:
-    """InputWarning where TS or AI is inside the thorax in the posture taken for rest."""
+    """Warn (InputWarning) where TS or AI is inside the thorax in the posture taken for rest."""
     distances = {"TS": float(built.girdle.ts_distance_mm), "AI": float(built.girdle.ai_distance_mm)}
     inside = [f"{name} {-mm:.0f} mm" for name, mm in distances.items() if mm < DEEPEST_MM]
     if not inside:
@@ -158,7 +159,7 @@ def _warn_inside(person: PersonLandmarks, built: PersonSet, generic: str, rest: 
 
 
 def _lowest(person: PersonLandmarks) -> int:
-    """The posture with the arm lowest among those with all landmarks; the first of them where none was measured."""
+    """Return the posture with the lowest arm among those with all landmarks; without elevations, the first of these."""
     whole = np.all([np.isfinite(person.landmarks_mm[name]).all(axis=0) for name in ("SC", "AC", "TS", "AI")], axis=0)
     height = np.where(np.isnan(person.elevation_deg), np.inf, person.elevation_deg)
     return int(np.lexsort((height, ~whole))[0])

@@ -1,4 +1,4 @@
-"""``girdle transfer``: its options and help."""
+"""Options and help of ``girdle transfer``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -39,19 +39,19 @@ def transfer(
     ] = False,
     surface_unit: SurfaceUnit = "mm",
 ) -> None:
-    """Carry attachments from bone to bone, by landmarks or by surfaces (Chapter 5); compare them with measured ones.
+    """Transfer attachments from bone to bone, by landmarks or surfaces (Chapter 5); compare them with measured ones.
 
-    Give --from-landmarks and --to-landmarks, three and more; or --from-surface and --to-surface, with landmarks beside
-    them where there are any. Landmarks and attachments of a bone are in the frame of its surface; both bones are of one
-    side. Surfaces need the extra `surface` of the package. With --same-bone a bone measured twice is compared with
-    itself (Tables 4.6 and 4.7), and with its surface, --to-surface (Appendix C): moved by landmarks of both, or in one
-    frame already where none are given.
+    Give --from-landmarks and --to-landmarks, three or more; or --from-surface and --to-surface, with landmarks too
+    where there are any. Landmarks and attachments of a bone are in the frame of its surface; both bones are of the same
+    side. Surfaces need the extra `surface` of the package. With --same-bone, two measurements of one bone are compared
+    with each other (Tables 4.6 and 4.7) and with the surface of the bone, --to-surface (Appendix C): landmarks of both
+    measurements align them; without landmarks, they are taken to be in one frame.
 
-    Writes attachments.csv (the points on the target: attachment, shape, x_mm, y_mm, z_mm), distances.csv (one row an
-    attachment: to the target's surface, mean and SD; with --measured the smallest, mean and largest distance of the
-    contours and the type of Table 5.3, and the distances of Tables 4.6 and 4.7) and run.json.
+    Writes attachments.csv (the points on the target: attachment, shape, x_mm, y_mm, z_mm), distances.csv (one row per
+    attachment: mean and SD of the distance to the target's surface; with --measured the smallest, mean and largest
+    distance of the contours, the type of Table 5.3, and the distances of Tables 4.6 and 4.7) and run.json.
     """
-    from adapt.cli.landmarks.transfer_run import transfer_attachments  # pandas and readers of files: not for --help
+    from adapt.cli.landmarks.transfer_run import transfer_attachments  # slow import: pandas and file readers
 
     landmarks, surfaces = (from_landmarks, to_landmarks), (from_surface, to_surface)
     transfer_attachments(attachments, out, landmarks, surfaces, measured, same_bone, surface_unit)

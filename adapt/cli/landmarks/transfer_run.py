@@ -1,4 +1,4 @@
-"""What ``girdle transfer`` does: attachments of one bone in, those of another out."""
+"""Run of ``girdle transfer``: attachments of one bone in, attachments of another bone out."""
 
 from math import isnan
 from pathlib import Path
@@ -30,9 +30,9 @@ def transfer_attachments(
     same_bone: bool,
     surface_unit: str,
 ) -> None:
-    """Carry attachments, write the files of ``girdle transfer`` and print them.
+    """Transfer attachments, write the files of ``girdle transfer`` and print the distances.
 
-    landmarks, surfaces: files of the source and of the target.
+    ``landmarks``, ``surfaces``: files of the source and of the target.
     """
     (from_landmarks, to_landmarks), (from_surface, to_surface) = landmarks, surfaces
     unit_mm = named(surface_unit, UNITS_MM, "--surface-unit", "unit")
@@ -60,7 +60,7 @@ def _bone(landmarks: Path | None, surface: Path | None, unit_mm: float) -> Bone:
 
 
 def _attachments(path: Path) -> tuple[dict[str, NamedPoints], dict[str, str]]:
-    """The points by name, and their shapes: of one point a point, of several a line where the file does not say."""
+    """Read the points of the attachments and their shapes; by default one point is a point, and several are a line."""
     given = read_named_points(path, "attachment")
     for name, one in given.items():
         if one.shape and one.shape not in SHAPES:

@@ -1,4 +1,4 @@
-"""``girdle convert --write-map``: a mapping file to be edited, with what a file has and what is missing."""
+"""Mapping file of ``girdle convert --write-map``, to be edited: names found in a file, and missing names."""
 
 from pathlib import Path
 
@@ -17,9 +17,9 @@ _OF_ANGLES = (".mot", ".sto")
 
 
 def write_map(source: Path, target: Path, mapping: Mapping) -> int:
-    """Write the mapping file that this file needs, with what is not found as a comment; how many names were found.
+    """Write the mapping file for the source, with missing names as comments; return the number of names found.
 
-    InputError if there is such a file already, or if the source has neither markers nor angles.
+    Raise an InputError if the target exists already, or if the source has neither markers nor angles.
     """
     if target.exists():
         raise InputError(str(target), None, "this file is there already", "Name another, or remove it")
@@ -59,19 +59,19 @@ def _others(what: str, names: list[str]) -> list[str]:
 
 
 def _short(markers: Markers, name: str) -> str:
-    """The name without the person before it, so that one mapping serves the files of all; whole where it would not."""
+    """Remove the person's prefix of a marker name, so that one mapping serves all persons, unless that is ambiguous."""
     short = name.rpartition(":")[2]
     ends = [other for other in dict.fromkeys(markers.names) if other.rpartition(":")[2].casefold() == short.casefold()]
     return short if len(ends) == 1 else name
 
 
 def _line(name: str, found: str, others: list[str]) -> str:
-    """A line of the mapping; a comment, with the nearest of the other names, where nothing was found."""
+    """Write a line of the mapping; where no name was found, a comment with the most similar of the other names."""
     if found:
         return f"{name} = {toml_text(found)}"
     return f"# {name} = {_quoted(nearest(name, others))}"
 
 
 def _quoted(name: str) -> str:
-    """A name on the one line of a comment."""
+    """Quote a name for a comment of one line."""
     return toml_text(printable(name).replace("\n", "?"))

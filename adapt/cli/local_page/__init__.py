@@ -1,1 +1,1 @@
-"""A local page in the browser, ``girdle app``: files in, what was read, adapt and diagnose, everything as a zip."""
+"""Local page in the browser, ``girdle app``: upload files, see what was read, adapt and diagnose, download a zip."""

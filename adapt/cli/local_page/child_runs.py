@@ -1,4 +1,4 @@
-"""Commands of girdle in a process of their own: one that hangs or dies takes nothing with it, and can be cancelled."""
+"""Commands of girdle in child processes: a command that hangs or crashes harms nothing else, and can be cancelled."""
 
 import asyncio
 import os
@@ -18,7 +18,7 @@ _LONGEST_LINE_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class Ended:
-    """A command that ended. ``said``: its lines on stderr, those of progress left out."""
+    """Command that ended. ``said``: its lines on stderr, without progress lines."""
 
     status: int
     out: str
@@ -27,36 +27,36 @@ class Ended:
 
     @property
     def useful(self) -> bool:
-        """Whether it wrote results."""
+        """True where the command wrote results."""
         return self.status in (0, EXIT_SOME_NOT_HANDLED)
 
     @property
     def message(self) -> str:
-        """Return what it said last, or that it ended without a word."""
+        """Last lines of the command on stderr, or a note that the command said nothing."""
         if self.cancelled:
             return "Cancelled. Nothing was kept of this run."
         return "\n".join(self.said[-3:]) or f"The command ended with status {self.status} and said nothing."
 
 
 class Children:
-    """The commands of a session that are running, all in its folder."""
+    """Running commands of a session, all in its folder."""
 
     def __init__(self, folder: Path) -> None:
-        """Take the folder in which they run, which is also that of their temporary files."""
+        """Store the folder in which the commands run, which is also the folder of their temporary files."""
         self._folder = folder
         self._running: set[Process] = set()
         self._cancelled: set[Process] = set()
 
     async def girdle(self, arguments: Sequence[str], progress: Callable[[str], None] = lambda _: None) -> Ended:
-        """Run ``girdle ARGUMENTS`` and wait for it; ``progress`` is told each of its stages."""
+        """Run ``girdle ARGUMENTS`` and wait for its end; ``progress`` is called with each of its stages."""
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-P", "-m", "adapt", *arguments),
             cwd=self._folder,
             env=self._environment(),
-            stdin=PIPE,  # nothing is written to it: it ends with this process
+            stdin=PIPE,  # nothing is written to it: it closes, and the command ends, with this process
             stdout=PIPE,
             stderr=PIPE,
-            start_new_session=True,  # so that what it starts itself is ended with it
+            start_new_session=True,  # so that processes started by the command end with it
             limit=_LONGEST_LINE_BYTES,
         )
         self._running.add(process)
@@ -68,7 +68,7 @@ class Children:
         return Ended(status, out, tuple(said), process in self._cancelled)
 
     def cancel(self) -> None:
-        """End all of them at once."""
+        """Kill all running commands at once."""
         for process in tuple(self._running):
             self._cancelled.add(process)
             try:
@@ -77,10 +77,10 @@ class Children:
                 else:
                     process.kill()
             except ProcessLookupError:
-                continue  # it has just ended by itself
+                continue  # the command has just ended by itself
 
     def _environment(self) -> dict[str, str]:
-        """That of the page, but that the same code is imported, and that temporary files are the session's."""
+        """Return the page's environment, changed to import the same code and keep temporary files in the session."""
         path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH", ""))))
         own = {"PYTHONPATH": path, "TMPDIR": str(self._folder), "COLUMNS": "200"}
         return {**os.environ, **own, PROGRESS_LINES: "1", ENDS_WITH_STDIN: "1"}
@@ -91,7 +91,7 @@ async def _all(stream: asyncio.StreamReader | None) -> str:
 
 
 async def _lines(stream: asyncio.StreamReader | None, progress: Callable[[str], None]) -> list[str]:
-    """The lines that are not of progress."""
+    """Return the lines that are no progress lines, which go to ``progress``."""
     said = []
     while stream and (line := (await stream.readline()).decode(errors="replace")):
         if line.startswith(PROGRESS):

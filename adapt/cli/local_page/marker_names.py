@@ -1,4 +1,4 @@
-"""Which marker is which landmark: a first guess, and the mapping file that `girdle convert` takes."""
+"""Assignment of markers to landmarks: a first guess, and the mapping file for ``girdle convert``."""
 
 from collections.abc import Iterable, Mapping
 
@@ -15,7 +15,7 @@ _CONTROLS: Mapping[str, str] = {
 
 
 def guessed(names: Iterable[str]) -> dict[str, str]:
-    """Find the landmarks among the names of markers: called so, or so behind a prefix, as ``P01:IJ``."""
+    """Find the landmarks that are among the marker names, with or without a prefix, as ``P01:IJ``."""
     found = {}
     for landmark in MARKERS:
         ends = {name for name in names if name.rpartition(":")[2].strip().upper() == landmark}
@@ -26,9 +26,9 @@ def guessed(names: Iterable[str]) -> dict[str, str]:
 
 
 def pointing_here(text: str) -> str:
-    """Let a message of ``girdle convert`` name the controls of the page in place of a mapping file and options.
+    """Replace options and mapping file in a message of ``girdle convert`` by the controls of the page.
 
-    What the page has no control for (axes, columns, clusters) keeps the words of the command line.
+    Messages about settings without a control (axes, columns, clusters) keep the words of the command line.
     """
     if "axes =" in text or "under [" in text:
         return text
@@ -38,7 +38,7 @@ def pointing_here(text: str) -> str:
 
 
 def mapping_toml(markers: Mapping[str, str], unit: str = "") -> str:
-    """Write the mapping file. markers: the laboratory's name, or a formula, by landmark; an empty one is left out."""
+    """Write the mapping file. ``markers``: marker name or formula by landmark; empty ones are left out."""
     lines = [f"unit = {toml_text(unit)}"] if unit else []
     lines += ["[markers]", *(f"{landmark} = {toml_text(name)}" for landmark, name in markers.items() if name)]
     return "\n".join(lines) + "\n"

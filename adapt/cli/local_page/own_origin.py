@@ -1,4 +1,4 @@
-"""Requests of the page itself alone: other pages in the same browser reach neither its socket nor its files."""
+"""Filter for requests of the page itself: other pages in the same browser reach neither its socket nor its files."""
 
 from collections.abc import Mapping
 
@@ -6,10 +6,10 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _POLICY_VIOLATION = 1008
-"""The code of a closing WebSocket (RFC 6455, 7.4.1)."""
+"""Code of a closing WebSocket for a policy violation (RFC 6455, 7.4.1)."""
 
 _OWN_SITES = (b"", b"same-origin", b"none")
-"""Of Sec-Fetch-Site: not a browser, the page itself, the person (an address typed in)."""
+"""Accepted values of Sec-Fetch-Site: no browser, the page itself, the person (an address typed in)."""
 
 HEADERS = {
     b"content-security-policy": b"frame-ancestors 'none'",
@@ -17,11 +17,11 @@ HEADERS = {
     b"referrer-policy": b"no-referrer",
     b"x-content-type-options": b"nosniff",
 }
-"""Of every answer that does not set them itself."""
+"""Headers of every answer that does not set them itself."""
 
 
 class OwnOrigin:
-    """Refuses requests and sockets that another page makes, and keeps other pages from framing this one."""
+    """Middleware that refuses requests and sockets of other pages, and keeps other pages from framing this one."""
 
     def __init__(self, inner: ASGIApp) -> None:
         """Wrap an application."""
@@ -38,9 +38,9 @@ class OwnOrigin:
 
 
 def is_foreign(headers: Mapping[bytes, bytes]) -> bool:
-    """Tell whether another page makes a request: by its origin, else by what browsers say of where it comes from.
+    """Check whether another page makes a request, by its origin, else by the Sec-Fetch headers of the browser.
 
-    A link from elsewhere may lead to the page in a window of its own, where the page that has it sees nothing of it.
+    A link on another page may open this page in a new window, because the other page cannot read that window.
     """
     if b"origin" in headers:
         return headers[b"origin"] != b"http://" + headers.get(b"host", b"")

@@ -1,4 +1,4 @@
-"""The web server of the page: this machine only, requests of a limited size, a temporary folder that ends with it."""
+"""Web server of the page: this machine only, limited size of requests, a temporary folder removed at the end."""
 
 import shutil
 import socket
@@ -21,23 +21,24 @@ from motions import InputError
 LOOPBACK = "127.0.0.1"
 
 RECONNECT_S = 600.0
-"""How long the files of a page stay after its browser was last heard of: a laptop may sleep for a while."""
+"""Time in s to keep the files of a page after the last contact with its browser: a laptop may sleep a while."""
 
 PATIENCE_S = 2
-"""How long open connections may take to end after Ctrl-C."""
+"""Time in s that open connections may take to end after Ctrl-C."""
 
 LARGEST_BODY_BYTES = LARGEST_FILE_BYTES + 1_000_000
-"""Of a request: a file and what its form says of it."""
+"""Largest size of a request: a file and its form fields."""
 
 SANDBOX = "sandbox allow-scripts allow-downloads allow-popups allow-modals; frame-ancestors 'self'"
-"""A report may run its scripts, but they reach neither the page nor its session. The page alone shows it in a frame."""
+"""Content security policy of a report: its scripts may run, but reach neither the page nor its session. Only the page
+may show the report in a frame."""
 
 CONNECTS_WITHIN_S = 30.0
-"""Of a browser that has got the page: a request that opens no socket gets no session."""
+"""Time in s for a browser that has got the page to open a socket; a request that opens none gets no session."""
 
 
 class LimitedBody:
-    """Refuses a request that says it is too large, or does not say how large it is, before its body is read."""
+    """Middleware that refuses a request of too large or undeclared size before its body is read."""
 
     def __init__(self, inner: ASGIApp) -> None:
         """Wrap an application."""
@@ -55,7 +56,7 @@ class LimitedBody:
 
 
 def free_port(port: int = 0) -> int:
-    """Return the port if it is free, any free one for 0. InputError if it is taken."""
+    """Return the port if it is free, or any free port for 0; raise an InputError if the port is taken."""
     with socket.socket() as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -70,11 +71,11 @@ def free_port(port: int = 0) -> int:
 def serve(port: int, browser: bool = True, reconnect_s: float = RECONNECT_S) -> None:
     """Serve the page on the loopback address until Ctrl-C.
 
-    browser: whether to open it. reconnect_s: how long the files of a closed page are kept.
+    ``browser``: True to open the page. ``reconnect_s``: time for which the files of a closed page are kept.
     """
     sessions: dict[str, Session] = {}
     with tempfile.TemporaryDirectory(prefix="girdle-app-", ignore_cleanup_errors=True) as folder:
-        tempfile.tempdir = folder  # large uploads wait in files of the framework
+        tempfile.tempdir = folder  # the framework keeps large uploads in temporary files
         _add_routes(sessions)
 
         async def page() -> None:
@@ -89,7 +90,7 @@ def serve(port: int, browser: bool = True, reconnect_s: float = RECONNECT_S) -> 
             SessionPage(session).build()
 
         def close_all() -> None:
-            """Clean up here already: a terminating signal is raised again when the server has ended."""
+            """Clean up before the server ends, because a terminating signal is raised again afterwards."""
             for session in sessions.values():
                 session.close()
             shutil.rmtree(folder, ignore_errors=True)
@@ -97,7 +98,7 @@ def serve(port: int, browser: bool = True, reconnect_s: float = RECONNECT_S) -> 
         app.on_shutdown(close_all)
         app.add_middleware(LimitedBody)
         app.add_middleware(OwnOrigin)
-        app.add_middleware(TrustedHostMiddleware, allowed_hosts=[LOOPBACK, "localhost"])  # no other name leads here
+        app.add_middleware(TrustedHostMiddleware, allowed_hosts=[LOOPBACK, "localhost"])  # no other host name is served
         ui.run(
             page,
             host=LOOPBACK,
@@ -115,7 +116,7 @@ def serve(port: int, browser: bool = True, reconnect_s: float = RECONNECT_S) -> 
 
 
 def _add_routes(sessions: dict[str, Session]) -> None:
-    """Give out the reports and the zip of a session to who knows its name, and no other file."""
+    """Serve the reports and the zip of a session to clients that know its token, and no other file."""
 
     @app.get("/session/{token}/{what}")
     def given(token: str, what: str) -> FileResponse:
@@ -134,4 +135,4 @@ _ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><path d="M2 3 L13 5 L10 14 Z" fill="none" '
     'stroke="#0072b2" stroke-width="2" stroke-linejoin="round"/></svg>'
 )
-"""A scapula."""
+"""Icon of the page: a scapula."""

@@ -1,4 +1,4 @@
-"""A session of the page: its folder, the files in it, what was read, the runs and their results."""
+"""Session of the page: its folder, files, motions, runs and results."""
 
 import asyncio
 import os
@@ -18,7 +18,7 @@ from motions.errors import InputWarning
 from motions.formats.marker_files.any_markers import read_markers
 
 COMMANDS = ("adapt", "diagnose")
-"""What the page runs, in this order; each writes into the folder of its name."""
+"""Commands that the page runs, in this order; each writes into the folder of its name."""
 
 MAPPING = "map.toml"
 ZIP = "girdle.zip"
@@ -26,7 +26,7 @@ ZIP = "girdle.zip"
 
 @dataclass
 class LaboratoryOptions:
-    """What the page says of all files of positions."""
+    """Options on the page for all files of marker positions."""
 
     markers: dict[str, str]
     unit: str = ""
@@ -35,10 +35,10 @@ class LaboratoryOptions:
 
 
 class Session:
-    """One opened page. Everything is in a folder of its own, which ends with it."""
+    """One open page. All its files are in a folder of its own, which is removed with the session."""
 
     def __init__(self, root: Path) -> None:
-        """Make the folder, with a name that nobody can guess, inside ``root``."""
+        """Make the folder, with an unguessable name, inside ``root``."""
         self.token = secrets.token_urlsafe(16)
         self.folder = root / f"session-{self.token}"
         for name in ("uploads", "motions"):
@@ -49,18 +49,18 @@ class Session:
         self.children = Children(self.folder)
 
     def close(self) -> None:
-        """End what runs and remove the folder."""
+        """End running commands and remove the folder."""
         self.children.cancel()
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def place(self, client_name: str, size: int) -> Upload:
-        """Take a file up; its content belongs at ``folder / source``. InputError if it is refused."""
+        """Register a file, whose content belongs at ``folder / source``; raise an InputError if the file is refused."""
         upload = accepted(client_name, size, self.files)
         self.files.append(upload)
         return upload
 
     def look_at(self, upload: Upload) -> None:
-        """Read the names of its markers, if it is a file of positions; what is wrong is said when it is converted."""
+        """Read the marker names of a file of marker positions; its errors are reported by the conversion."""
         try:
             with warnings.catch_warnings(action="ignore", category=InputWarning):
                 markers = read_markers(self.folder / upload.source)
@@ -69,28 +69,28 @@ class Session:
         upload.markers = tuple(dict.fromkeys(markers.names)) if markers else ()
 
     def remove(self, upload: Upload) -> None:
-        """Forget a file."""
+        """Remove a file and its motion file."""
         self.files.remove(upload)
         for place in (upload.source, upload.motions):
             (self.folder / place).unlink(missing_ok=True)
 
     @property
     def marker_names(self) -> list[str]:
-        """Return the names of the markers of all files, each once."""
+        """Names of the markers of all files, each once."""
         return list(dict.fromkeys(name for one in self.files for name in one.markers))
 
     @property
     def waiting(self) -> bool:
-        """Whether a file waits to be read."""
+        """True where a file waits to be read."""
         return any(one.state is State.WAITING for one in self.files)
 
     @property
     def altered(self) -> bool:
-        """Whether something was altered since a file was read."""
+        """True where labels or options were altered since a file was read."""
         return any(one.state is State.ALTERED for one in self.files)
 
     async def convert_waiting(self) -> None:
-        """Bring every file that waits into a motion file."""
+        """Convert every waiting file to a motion file."""
         text = mapping_toml(self.options.markers, self.options.unit)
         (self.folder / MAPPING).write_text(text, encoding="utf-8")
         free = asyncio.Semaphore(os.cpu_count() or 1)
@@ -108,22 +108,25 @@ class Session:
         said = ended.message if not ended.useful or ended.said else ended.out.partition(" in motions/")[0].strip()
         said = said.removeprefix("error: ")
         upload.said = self.named(pointing_here(said) if upload.markers else said)
-        if upload.state is State.READING:  # else it was altered meanwhile
+        if upload.state is State.READING:  # else it was altered during the conversion
             upload.state = State.READ if ended.useful else State.REFUSED
 
     async def read(self) -> None:
-        """Read all motion files together. InputError if nobody in them can be used."""
+        """Read all motion files together; raise an InputError if no subject in them can be used."""
         self.motions = None
         paths = [self.folder / one.motions for one in self.files if one.read]
         if paths:
             self.motions = await asyncio.to_thread(_read, *paths)
 
     def named(self, text: str) -> str:
-        """Put the browser's names of files into a message."""
+        """Replace the stored names of files in a message by the names in the browser."""
         return with_own_names(text.replace(f"{self.folder}{os.sep}", ""), self.files)
 
     async def run(self, command: str, models: Sequence[str], own_bones: bool, progress: Callable[[str], None]) -> Ended:
-        """Run ``girdle adapt``, or ``girdle diagnose``, which has own bones anyway, on the motions that were read."""
+        """Run ``girdle adapt`` or ``girdle diagnose`` on the motions that were read.
+
+        ``own_bones`` is for ``girdle adapt``; ``girdle diagnose`` always includes own bones.
+        """
         shutil.rmtree(self.folder / command, ignore_errors=True)
         files = [one.motions for one in self.files if one.read]
         chosen = [f"--model={name}" for name in models]
@@ -135,30 +138,30 @@ class Session:
         return ended
 
     def clear_results(self) -> None:
-        """Remove what earlier runs wrote: it is not of the files that are there now."""
+        """Remove the results of earlier runs, which do not belong to the present files."""
         for name in COMMANDS:
             shutil.rmtree(self.folder / name, ignore_errors=True)
 
     def report(self, command: str) -> Path | None:
-        """Return the report of a command, if it wrote one."""
+        """Return the report of a command, if there is one."""
         path = self.folder / command / "report.html"
         return path if command in COMMANDS and path.is_file() else None
 
     def zipped(self) -> Path:
-        """Put everything of the session into one zip."""
+        """Put all files of the session into one zip."""
         target = self.folder / ZIP
         zip_folder(self.folder, ("uploads", "motions", MAPPING, *COMMANDS), self.files, target)
         return target
 
 
 def _read(*paths: Path) -> Motions:
-    """Read motion files. What is doubtful in them was said when each was converted."""
+    """Read motion files without warnings, which were given when each file was converted."""
     with warnings.catch_warnings(action="ignore", category=InputWarning):
         return read_motions(*paths)
 
 
 def convert_arguments(upload: Upload, options: LaboratoryOptions) -> list[str]:
-    """Say to ``girdle convert`` what the page says of a file."""
+    """Write the arguments of ``girdle convert`` from the labels of a file and the options on the page."""
     arguments = ["convert", upload.source, upload.motions]
     if upload.names_itself:
         return arguments

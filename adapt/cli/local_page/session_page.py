@@ -1,4 +1,4 @@
-"""What a person sees: four steps from files to results, filled in as the session goes on."""
+"""Content of the page: four steps from files to results, filled in as the session goes on."""
 
 import asyncio
 import time
@@ -20,14 +20,14 @@ from motions.landmarks.mapping import MARKERS, UNITS_MM
 from motions.landmarks.stand_ins import OFFSETS
 
 READING = "reading"
-"""What the page is busy with, where it is no command."""
+"""Value of ``busy`` while the page reads files and runs no command on the motions."""
 
 FIRST_MODEL = "R2"
 
 TITLES = {"adapt": "Adaptation", "diagnose": "Diagnosis"}
 
 MOST_WARNINGS = 30
-"""On the page; of more the number is said."""
+"""Largest number of warnings on the page; further warnings are counted."""
 
 STYLE = """
 body { background: #f6f7f8; color: #1c1c1c; font: 16px/1.5 system-ui, "Segoe UI", Helvetica, Arial, sans-serif }
@@ -72,10 +72,10 @@ def add_style() -> None:
 
 
 class SessionPage:
-    """The page of one session. A step is drawn anew when what it shows has changed."""
+    """Page of one session. A step is drawn again when its content has changed."""
 
     def __init__(self, session: Session) -> None:
-        """Begin with nothing read."""
+        """Start with nothing read."""
         self.session = session
         self.models = [FIRST_MODEL]
         self.own_bones = False
@@ -86,7 +86,7 @@ class SessionPage:
         self.shown = ""
 
     def build(self) -> None:
-        """Draw everything."""
+        """Draw the whole page."""
         with ui.column().classes("page"):
             ui.html("<h1>girdle</h1>", sanitize=False)
             ui.label(
@@ -120,7 +120,7 @@ class SessionPage:
         ).props(f'accept="{",".join(ENDINGS)}" flat')
 
     async def _taken(self, event: UploadEventArguments) -> None:
-        """A file has arrived: keep it under a name of ours, and read it."""
+        """Store an uploaded file under its name in the session, and read it."""
         try:
             upload = self.session.place(event.file.name, event.file.size())
             await event.file.save(self.session.folder / upload.source)
@@ -145,7 +145,7 @@ class SessionPage:
         await self._read()
 
     async def _read(self) -> None:
-        """Read what waits, and draw what depends on it. What arrives meanwhile is read too."""
+        """Read the waiting files, including files that arrive meanwhile, and draw the parts that depend on them."""
         if self.busy:
             return
         self.busy = READING
@@ -171,7 +171,7 @@ class SessionPage:
 
     @ui.refreshable_method
     def files(self) -> None:
-        """Draw the files, each with what was read of it."""
+        """Draw the files, each with the result of reading it."""
         for error in self.errors:
             ui.label(error).classes("wrong said").props("role=alert")
         for upload in self.session.files:
@@ -188,7 +188,7 @@ class SessionPage:
                     self._labels(upload)
 
     def _labels(self, upload: Upload) -> None:
-        """The inputs of whose trial it is."""
+        """Draw the inputs for the labels of a file."""
 
         def put(key: str) -> Callable[[object], None]:
             def changed(event: object) -> None:
@@ -209,7 +209,7 @@ class SessionPage:
                 )
 
     def _altered(self, *uploads: Upload) -> None:
-        """What was read no longer holds for these files."""
+        """Mark files as altered since they were read."""
         for one in uploads:
             one.state = State.ALTERED
         self.reading.refresh()
@@ -222,7 +222,7 @@ class SessionPage:
 
     @ui.refreshable_method
     def names(self) -> None:
-        """Draw which marker is which landmark, where there are markers."""
+        """Draw the assignment of markers to landmarks, where there are markers."""
         known = self.session.marker_names
         if not known:
             return
@@ -265,7 +265,7 @@ class SessionPage:
 
     @ui.refreshable_method
     def reading(self) -> None:
-        """Draw the button that reads anew."""
+        """Draw the button that reads the files again, or the progress of reading."""
         if self.busy == READING:
             ui.linear_progress(show_value=False).props("indeterminate").classes("w-full")
         elif self.session.altered:
@@ -273,7 +273,7 @@ class SessionPage:
 
     @ui.refreshable_method
     def summary(self) -> None:
-        """Draw what the motions hold, and what to know before they are used."""
+        """Draw the content of the motions, and warnings about them."""
         motions = self.session.motions
         if motions is None:
             ui.label("Reading ..." if self.busy else "Nothing yet.").classes("soft")
@@ -300,7 +300,7 @@ class SessionPage:
 
     @ui.refreshable_method
     def choices(self) -> None:
-        """Draw the parameter sets and what can be run, or what is running."""
+        """Draw the parameter sets and the commands to run, or the running command."""
         if self.busy in COMMANDS:
             self._running()
             return
@@ -327,7 +327,7 @@ class SessionPage:
         self.choices.refresh()
 
     def _running(self) -> None:
-        """A bar, the stage, the time, and the way to stop it."""
+        """Draw progress bar, stage, elapsed time and the button that cancels the command."""
         ui.linear_progress(show_value=False).props("indeterminate").classes("w-full")
         with ui.row().classes("items-center"):
             self.stage = ui.label(f"{TITLES[self.busy]}: starting").props("role=status")
@@ -336,7 +336,7 @@ class SessionPage:
             ui.button("Cancel", icon="stop", on_click=self.session.children.cancel).props("outline no-caps")
 
     async def _run(self, commands: tuple[str, ...]) -> None:
-        """Run them one after another; what one of them says wrong ends it."""
+        """Run the commands one after another, until one of them fails."""
         if self.busy:
             return
         self._forget_results()
@@ -350,7 +350,7 @@ class SessionPage:
             if not ended.useful:
                 break
             self.shown = command
-        if self.session.waiting:  # it arrived meanwhile
+        if self.session.waiting:  # a file arrived during the run
             await self._read()
         self._refresh()
 
@@ -359,7 +359,7 @@ class SessionPage:
 
     @ui.refreshable_method
     def results(self) -> None:
-        """Draw the report, and the way to everything."""
+        """Draw the report, and the button that downloads everything."""
         for text in self.outcome:
             ui.label(text).classes("wrong said").props("role=alert")
         there = [command for command in COMMANDS if not self.busy and self.session.report(command)]
@@ -384,7 +384,7 @@ class SessionPage:
 
 
 def _step(title: str) -> ui.card:
-    """A card with its heading."""
+    """Create a card with its heading."""
     card = ui.card().classes("step").props("flat bordered")
     with card:
         ui.html(f"<h2>{title}</h2>", sanitize=False)
@@ -392,5 +392,5 @@ def _step(title: str) -> ui.card:
 
 
 def _attribute(text: str) -> str:
-    """A name that can stand inside the quotes of a prop."""
+    """Remove the characters that cannot stand inside the quotes of a prop."""
     return text.replace("\\", "").replace('"', "")

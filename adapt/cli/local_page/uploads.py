@@ -1,4 +1,4 @@
-"""Files that a browser sends: which are taken, and under which names they are kept."""
+"""Files that a browser uploads: accepted kinds and sizes, and the names under which they are stored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,27 +12,27 @@ ENDINGS = (".c3d", ".trc", ".mot", ".sto", ".csv", ".tsv")
 TRIALS = (".c3d", ".trc")
 
 LARGEST_FILE_BYTES = 200_000_000
-"""Of one file: a trial of minutes with its analog channels is smaller."""
+"""Largest size of one file; a trial of minutes with its analog channels is smaller."""
 
 MOST_FILES = 200
 MOST_BYTES = 1_000_000_000
-"""Of a session: what a temporary folder can be expected to hold, results included."""
+"""Largest size of all files of a session, so that a temporary folder can hold them with the results."""
 
 LONGEST_NAME = 100
 
 USUAL_ELEVATIONS = "20,40,60,80,100,120"
-"""At which a trial is sampled unless the page says otherwise."""
+"""Elevations in degrees at which a trial is sampled by default."""
 
 
 class State(Enum):
-    """How far a file is: it arrives, waits, is being read; was read or refused; its names were altered since."""
+    """State of a file: arriving, waiting, being read, read, refused, or with labels or options altered since."""
 
     ARRIVING, WAITING, READING, READ, REFUSED, ALTERED = range(6)
 
 
 @dataclass(frozen=True)
 class TrialLabels:
-    """What the page says of a file: whose trial it is, and at which elevations it is sampled."""
+    """Labels of a file on the page: subject, motion, side, and the elevations at which the trial is sampled."""
 
     subject: str = ""
     motion: str = ""
@@ -42,43 +42,43 @@ class TrialLabels:
 
 @dataclass
 class Upload:
-    """A file of a session. ``stored``: its name here; ``own_name``: the browser's, only ever shown."""
+    """File of a session. ``stored``: name in the session; ``own_name``: name in the browser, for display only."""
 
     stored: str
     own_name: str
     size: int
     labels: TrialLabels = field(default_factory=TrialLabels)
     markers: tuple[str, ...] = ()
-    """Names of the markers, of a file of positions."""
+    """Names of the markers in a file of marker positions."""
     said: str = ""
-    """What `girdle convert` said of it."""
+    """Message of ``girdle convert`` about the file."""
     state: State = State.ARRIVING
 
     @property
     def read(self) -> bool:
-        """Whether there is a motion file of it, made as the page says."""
+        """True where the file has been converted to a motion file with the present labels and options."""
         return self.state is State.READ
 
     @property
     def source(self) -> str:
-        """Return where it is in the folder of the session."""
+        """Path of the file in the folder of the session."""
         return f"uploads/{self.stored}"
 
     @property
     def motions(self) -> str:
-        """Return where the motion file that is made of it is."""
+        """Path of the motion file that is made of this file."""
         return f"motions/{PurePosixPath(self.stored).stem}.csv"
 
     @property
     def names_itself(self) -> bool:
-        """Whether it is a motion file, which says its subjects and motions itself."""
+        """True for a motion file, which names its subjects and motions itself."""
         return self.stored.endswith(".csv") and not self.markers
 
 
 def accepted(client_name: str, size: int, earlier: Sequence[Upload]) -> Upload:
-    """Give a file that a browser sends its name here, a number; the ending is all that is kept of the browser's name.
+    """Accept a file from a browser and number it; its stored name keeps only the ending of the browser's name.
 
-    size: in bytes. InputError if it is of no known kind, empty, too large, or one too many.
+    ``size``: in bytes. Raise an InputError if the kind is unknown, the file empty or too large, or one file too many.
     """
     name = shown_name(client_name)
     ending = PurePosixPath(name).suffix.lower()
@@ -97,13 +97,13 @@ def accepted(client_name: str, size: int, earlier: Sequence[Upload]) -> Upload:
 
 
 def shown_name(client_name: str) -> str:
-    """Return the last part of what a browser calls a file, as it can be shown: no folder, no control character."""
+    """Return the last part of a browser's file name in displayable form: no folder, no control characters."""
     name = PurePosixPath(PureWindowsPath(client_name).name).name
     return printable(name)[-LONGEST_NAME:] or "without a name"
 
 
 def first_labels(name: str) -> TrialLabels:
-    """Propose labels by the name of a file, to be corrected on the page: ``P01_abduction.trc`` is abduction of P01."""
+    """Propose labels from a file's name, to be corrected on the page: ``P01_abduction.trc`` is abduction of P01."""
     path = PurePosixPath(name)
     subject, _, motion = path.stem.partition("_")
     at = USUAL_ELEVATIONS if path.suffix.lower() in TRIALS else ""
@@ -111,7 +111,7 @@ def first_labels(name: str) -> TrialLabels:
 
 
 def with_own_names(text: str, uploads: Sequence[Upload]) -> str:
-    """Put the browser's name of a file wherever a message has the one here."""
+    """Replace the stored names of files in a message by the names in the browser."""
     for one in uploads:
         for place in (one.source, one.motions):
             text = text.replace(place, one.own_name)

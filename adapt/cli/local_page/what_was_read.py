@@ -1,4 +1,4 @@
-"""What stands in the motions, for a person to look at before anything is fitted."""
+"""Summary of the motions, for a person to check before anything is fitted."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from motions.table import ANGLE_NAMES, ANGLES
 
 @dataclass(frozen=True)
 class SubjectRead:
-    """A line of the table on the page, as text. ``missing``: the angles that were not measured in every posture."""
+    """Line of the table on the page, as text. ``missing``: the angles that were not measured in every posture."""
 
     subject: str
     motions: str
@@ -24,7 +24,7 @@ class SubjectRead:
 
 
 def subjects_read(motions: Motions) -> list[SubjectRead]:
-    """Describe each subject: its motions with their postures, elevations in degrees, and what is missing."""
+    """Describe each subject: its motions with their postures, elevations in degrees, and missing angles."""
     return [_described(name, motions.select(motions.subject == name)) for name in motions.subjects]
 
 
@@ -52,7 +52,7 @@ def _missing(mine: Motions) -> Iterator[str]:
 
 
 def warnings(motions: Motions) -> list[str]:
-    """Say what a person should know before the motions are used: who was left out, estimates, slips, few postures."""
+    """List warnings before the motions are used: subjects left out, estimates, landmark outliers, few postures."""
     found = [f"Left out: {error}" for error in motions.rejected]
     if is_marked(motions, ESTIMATED, "yes").any():
         found.append("The axial rotation of the clavicle is an estimate: two landmarks do not determine it.")

@@ -1,4 +1,4 @@
-"""Everything of a session as one zip."""
+"""Zip file with all files of a session."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,11 +8,11 @@ from adapt.cli.local_page.uploads import Upload
 from motions.motion_csv.writing import csv_text
 
 FILES_TABLE = "files.csv"
-"""In the zip: which number is which file of the person's."""
+"""Table in the zip that relates the numbers of files to the person's file names."""
 
 
 def zip_folder(folder: Path, parts: Sequence[str], uploads: Sequence[Upload], target: Path) -> None:
-    """Write the parts of a folder, those that are there, and the table of the uploads' names into a zip."""
+    """Write the existing parts of a folder and the table of file names into a zip."""
     with ZipFile(target, "w", ZIP_DEFLATED) as archive:
         archive.writestr(FILES_TABLE, files_table(uploads))
         for path in _files(folder, parts):
@@ -20,7 +20,7 @@ def zip_folder(folder: Path, parts: Sequence[str], uploads: Sequence[Upload], ta
 
 
 def files_table(uploads: Sequence[Upload]) -> str:
-    """Write which name here is which of the person's, as CSV."""
+    """Write the table of stored names and the person's file names as CSV."""
     rows = ((one.source, one.own_name, one.motions if one.read else "") for one in uploads)
     return csv_text((("file", "your name of it", "motion file"), *rows))
 

@@ -1,1 +1,1 @@
-"""What a person sees on the terminal: progress, tables and sentences."""
+"""Terminal output: progress, tables and sentences."""

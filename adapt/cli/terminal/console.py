@@ -1,4 +1,4 @@
-"""How anything comes to the terminal: the console, the line of progress, tables that fold. Needs no pandas."""
+"""Basics of the terminal output: console, progress line, and tables that fold. Needs no pandas."""
 
 import os
 import sys
@@ -16,29 +16,29 @@ from motions.files import printable
 
 
 class PlainConsole(Console):
-    """Prints names from files as they are: neither read as markup nor able to command the terminal."""
+    """Console that prints names from files literally: no markup, and no codes that control the terminal."""
 
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, markup=False, highlight=False)
 
     def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
-        """Pass every printed text through ``printable``, all but the control codes of rich itself."""
+        """Pass every printed text through ``printable``, except the control codes of rich itself."""
         for segment in super().render(*arguments, **options):
             yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
 PROGRESS_LINES = "GIRDLE_PROGRESS_LINES"
-"""The environment variable with which a command prints each stage as a line on stderr, although that is no terminal."""
+"""Environment variable that makes a command print each stage as a line on stderr, even if stderr is no terminal."""
 
 PROGRESS = "progress: "
-"""How such a line begins."""
+"""Prefix of a progress line on stderr."""
 
 
 @contextmanager
 def progress(errors: Console) -> Iterator[Callable[[str], None]]:
-    """Show a line on stderr, if that is a terminal, that says what is being done and for how long.
+    """Show a line on stderr, if that is a terminal, with the present stage and the elapsed time.
 
-    Where `girdle app` runs the command, each stage is a line of its own.
+    Where ``girdle app`` runs the command, each stage is a line of its own.
     """
     if os.environ.get(PROGRESS_LINES):
         yield lambda stage: print(f"{PROGRESS}{printable(stage)}", file=sys.stderr, flush=True)
@@ -50,7 +50,7 @@ def progress(errors: Console) -> Iterator[Callable[[str], None]]:
 
 
 def folding_table(title: str | None, names: Sequence[str], numbers: Sequence[str] = ()) -> Table:
-    """Make an empty table: where the terminal is narrow names are folded, numbers never cut."""
+    """Make an empty table; in a narrow terminal names are folded, and numbers are never cut."""
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for name in names:
         table.add_column(name, overflow="fold")

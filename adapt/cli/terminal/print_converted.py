@@ -1,6 +1,6 @@
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Hashable" of a group's key)
-"""What a person sees of the motions that ``girdle convert`` wrote."""
+"""Terminal output of ``girdle convert``: the motions that were written."""
 
 import re
 from collections.abc import Sequence
@@ -19,13 +19,13 @@ from motions.landmarks.sampled_postures import CLAVICLE_Z_BY, ESTIMATE_ZERO, EST
 _NUMBER = r"\d+(\.\d+)?(e[+-]\d+)?"
 
 MANY_FRAMES = 50
-"""More postures than a palpator records: this is a trial, which is better sampled."""
+"""Largest number of postures that a palpator records; a file with more is a trial, which is better sampled."""
 
 
 def print_converted(
     console: Console, motions: Motions, sources: Sequence[Path], target: Path, *, every_frame: bool
 ) -> None:
-    """Print what was written, and what of it a user may not expect."""
+    """Print what was written, and what a user may not expect in it."""
     subjects = len(motions.subjects)
     console.print(
         f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
@@ -46,7 +46,7 @@ def print_converted(
 
 
 def _say_estimated(console: Console, motions: Motions) -> None:
-    """Say that the axial rotation of the clavicle is an estimate, and with which elevation of the arm it is 0."""
+    """Say that the axial rotation of the clavicle is an estimate, and at which elevation the estimate is 0."""
     if not is_marked(motions, ESTIMATED, "yes").any():
         return
     said = "clavicle_x_deg (axial rotation) is an estimate"
@@ -58,7 +58,7 @@ def _say_estimated(console: Console, motions: Motions) -> None:
 
 
 def _say_cluster(console: Console, motions: Motions) -> None:
-    """Say that the scapula is a cluster's, how well each cluster kept its shape, and that GH was placed."""
+    """Print which cluster gives the scapula, how GH was placed, and how well each cluster kept its shape."""
     marks = {column: list(motions.extra[column]) for column in motions.extra.columns}
     for column, what in ((SCAPULA_FROM, "The scapula is of a"), (HUMERUS_PLACED, "The elevation rests on")):
         for said in dict.fromkeys(word for word in marks.get(column, []) if word):
@@ -76,7 +76,7 @@ def _say_slipped(console: Console, motions: Motions) -> None:
 
 
 def slips_in_words(motions: Motions) -> list[str]:
-    """Name the landmarks that are not where their bone says, a line for each in a motion."""
+    """Describe the landmark outliers, a line for each motion and set of landmarks."""
     found: dict[tuple[str, str, str], list[int]] = {}
     for row, names in marked_slips(motions).items():
         whose = (str(motions.subject[row]), str(motions.motion[row]), names)
@@ -89,7 +89,7 @@ def slips_in_words(motions: Motions) -> list[str]:
 
 
 def _ranges(numbers: Sequence[int]) -> str:
-    """Write '3, 5-8' of 3, 5, 6, 7, 8."""
+    """Write 3, 5, 6, 7, 8 as '3, 5-8'."""
     parts: list[list[int]] = []
     for number in sorted(numbers):
         if parts and number == parts[-1][-1] + 1:
@@ -100,7 +100,7 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def _say_thorax(console: Console, motions: Motions) -> None:
-    """Print the thorax against the global frame, median and range by motion; and how the clavicle's axis differs."""
+    """Print the angles of the thorax to the global frame (median, range) by motion, and the clavicle's z reference."""
     said_by = motions.extra.get(CLAVICLE_Z_BY)
     for said in dict.fromkeys(() if said_by is None else said_by):
         console.print(f"Clavicle's z axis by the {said}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The diagnosis on the terminal: the verdict, each cause, what to measure next, the next command; tables on demand."""
+"""Terminal output of ``girdle diagnose``: verdict, causes, next measurement and command; tables on demand."""
 
 import math
 
@@ -27,18 +27,21 @@ from models.girdle import CONSTRAINT_NAMES
 from motions.table import BONES
 
 _CELLS, _PROPOSALS = 5, 3
-"""Rows of the tables; diagnosis.json has them all."""
+"""Largest numbers of rows in the tables of where the gap is and of what to measure next; diagnosis.json has all."""
 
 _BAR = 30
-"""Characters of the longest bar."""
+"""Length of the longest bar in characters."""
 
 _COLUMNS = (*BONES, ALL)
-"""Of the table of gaps."""
+"""Columns of the table of gaps."""
 
 
 def print_diagnosis(console: Console, diagnoses: Diagnoses, tables: bool, next_command: str) -> None:
-    """Print the diagnosis of the closest model: the verdict, with ``tables`` what it rests on, each cause, what to
-    measure next, and the command that adapts with the causes."""
+    """Print the diagnosis of the closest model.
+
+    The order is: verdict, with ``tables`` its evidence, each cause, what to measure next, and the command that adapts
+    with the causes.
+    """
     closest = diagnoses.closest
     console.print()
     print_folded(console, sentence(closest), further="")
@@ -68,7 +71,7 @@ def _print_what_it_rests_on(console: Console, diagnoses: Diagnoses) -> None:
 
 
 def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
-    """By title."""
+    """Make the tables, by title."""
     closest = diagnoses.closest
     held_out = held_out_kind_text(closest.gaps)
     left = f"; unexplained beyond noise: {percent_text(closest.left_over_share)}"
@@ -102,7 +105,10 @@ def _budget(diagnosis: Diagnosis) -> Table:
 
 
 def _causes(diagnosis: Diagnosis) -> Table:
-    """The names that a cause may have under one another. Its option, too long for a column, stands in the last note."""
+    """Tabulate the causes, with the alternative names of each cause one below the other.
+
+    The option of a cause is too long for a column, and stands in the last note.
+    """
     table = folding_table(None, ["cause"], ["active", "takes", "size", "typical"])
     verdict = diagnosis.verdict
     for cause in verdict.causes:

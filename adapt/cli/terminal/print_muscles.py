@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What a person sees on the terminal of muscle arms and of the forces that balance the arm."""
+"""Terminal output of ``girdle muscles``: moment arms, and the forces that balance the arm."""
 
 from collections.abc import Mapping
 
@@ -13,11 +13,11 @@ from adapt.tables.muscle_tables import JOINTS, MuscleTables, force_means, humeru
 from models.muscles.contact import FORCES
 
 _MOST_NAMED = 10
-"""Postures without a solution that are named one by one; balance.csv has all."""
+"""Largest number of postures without a solution that are named; balance.csv has all."""
 
 
 def print_muscles(console: Console, found: MuscleTables) -> None:
-    """Print arms by muscle and contact forces by model, before -> after, and name the postures without a solution."""
+    """Print moment arms by muscle and contact forces by model, before -> after, and the postures without a solution."""
     _print_arms(console, found)
     _print_contact(console, found.balance)
     console.print(*humerus_known_by(found.balance), sep="\n", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What a person sees of the parameter sets that ``girdle model`` made."""
+"""Terminal output of ``girdle model``: the parameter sets that were made."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ _PAIRS = (("SC", "AC"), ("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
 
 
 def print_persons(console: Console, written: Sequence[Written]) -> None:
-    """Print the lengths of every person with their SDs, and in words what to be careful with."""
+    """Print the lengths of every person with their SDs, and notes on the measurements."""
     title = "Lengths, mm +- SD of the median (spread over the postures); posture taken for rest, where the chain closes"
     table = folding_table(title, ("subject", *("-".join(pair) for pair in _PAIRS), "at rest"))
     for one in written:

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What a person sees on the terminal when a run is done: its tables."""
+"""Tables that a run prints on the terminal."""
 
 import math
 from collections import Counter
@@ -18,16 +18,16 @@ from adapt.tables.results import ALL_MOTIONS, OWN_SCALES, OWN_WORD, STATISTICS, 
 from motions.table import ANGLES
 
 HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
-"""The thesis's abbreviations: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
+"""Abbreviations of the thesis: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
 
 _MOST_PRINTED = 100
-"""Subjects of which each has a line."""
+"""Largest number of subjects with a line of their own."""
 
 
 def print_summary(console: Console, summary: pd.DataFrame, subjects: int) -> None:
     """Print Tables 6.1-6.4: mean absolute differences, degrees, of all motions of a subject, by model and state.
 
-    ``subjects``: of how many there are; of many the statistics alone are printed.
+    ``subjects``: number of subjects; for more than ``_MOST_PRINTED``, only the statistics are printed.
     """
     everything = summary[summary["motion"] == ALL_MOTIONS]
     for (model, adapted), rows in everything.groupby(["model", "adapted"], sort=False):
@@ -37,7 +37,7 @@ def print_summary(console: Console, summary: pd.DataFrame, subjects: int) -> Non
         if subjects > _MOST_PRINTED:
             console.print(f"{subjects} subjects: of each alone in summary.csv")
             rows = rows.tail(len(STATISTICS))
-        elif subjects == 1:  # its own mean, least and most, all the same
+        elif subjects == 1:  # mean, least and most equal its own values
             rows = rows.head(1)
         for number, row in enumerate(rows.to_dict("records"), 1):
             values = [row[f"{name}_deg"] for name in (*ANGLES, "clavicle", "scapula")]
@@ -53,7 +53,7 @@ def _print_missing(console: Console, rows: pd.DataFrame) -> None:
 
 
 def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
-    """Print Tables 6.5 and 6.6: adapted parameters, mean and SD over subjects, mm, beside the model's own."""
+    """Print Tables 6.5 and 6.6: adapted parameters, mean and SD over subjects, mm, beside the model's own values."""
     statistics = parameter_statistics(parameters)
     numbers = ("model's own", "adapted mean", "SD", "at bound")
     table = folding_table("Adapted parameters over subjects, mm", ("model", "parameter"), numbers)
@@ -73,7 +73,7 @@ _KEPT = {
 
 
 def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
-    """Say how much persons differ, who is far from people, and of which sizes the motions say next to nothing."""
+    """Print the scales of own bones, subjects with the plain adaptation, and sizes undetermined or far from the set."""
     good = parameters[parameters["status"] == status.OK]
     for model, rows in good.groupby("model", sort=False):
         six, bones, frames, _ = (rows[name].iloc[0] for name in OWN_SCALES)
@@ -97,7 +97,7 @@ def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
 
 
 def print_without_landmarks(console: Console, parameters: pd.DataFrame) -> None:
-    """Say of whom no position of TS and AI was there to adapt to."""
+    """Name the subjects that were adapted without any position of TS and AI."""
     without = parameters[parameters["L_mm2"].isna() & (parameters["status"] == status.OK)]["subject"].unique()
     if len(without):
         named = ", ".join(without[:_MOST_PRINTED]) + (", ..." if len(without) > _MOST_PRINTED else "")
@@ -105,7 +105,7 @@ def print_without_landmarks(console: Console, parameters: pd.DataFrame) -> None:
 
 
 def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> None:
-    """Print the held-out gap beside that on the same postures before it and in sample."""
+    """Print the held-out gap beside the gaps of the same postures before adaptation and in sample."""
     known = heldout["subject"].nunique()
     if known < subjects:
         others = "the others were not sampled, not adapted or have a single posture"
@@ -137,5 +137,5 @@ def _heldout_cells(row: dict) -> list[str]:
 
 
 def _cell(value: float) -> str:
-    """The number; a dash for what was not measured, or the SD of one subject."""
+    """Format a number; a dash for an angle that was not measured, or the SD of one subject."""
     return "-" if math.isnan(value) else f"{value:.1f}"

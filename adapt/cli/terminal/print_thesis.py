@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What ``girdle compare`` and ``girdle questions`` show: the thesis's tables beside ours, and answers by question."""
+"""Terminal output of ``girdle compare`` and ``girdle questions``: tables beside those printed, answers by question."""
 
 from collections.abc import Mapping
 from math import isnan
@@ -34,11 +34,11 @@ _TITLES = {
         {WITHOUT: "one ellipsoid", WITH_MEAN: "+ mean change", WITH_LINE: "+ line"},
     ),
 }
-"""Question, and the quantities that the terminal shows by their headers; all are in questions.csv."""
+"""Title and printed quantities with their headers, by question; questions.csv has all quantities."""
 
 
 def print_comparison(console: Console, table: pd.DataFrame) -> None:
-    """Print each table with the thesis's numbers above ours: 'mean (SD)'."""
+    """Print each table as 'mean (SD)', with the thesis's numbers above the computed ones."""
     table = table.sort_values("model", key=lambda names: pd.factorize(names)[0], kind="stable")
     for name in ("Table 3.4", "Table 3.5"):
         mine = table[table["table"] == name]
@@ -64,7 +64,7 @@ def _print_gap_rows(console: Console, title: str, mine: pd.DataFrame) -> None:
 
 
 def _with_sd(rows: pd.DataFrame, digits: int) -> list[str]:
-    """'2.9 (1.6)' of each; the SD of one number is none."""
+    """Write each number with its SD, '2.9 (1.6)'; a single number has no SD."""
     words = zip(rows["value"], rows["sd"], strict=True)
     return [f"{_or_dash(x, digits)} ({_or_dash(sd, digits)})" for x, sd in words]
 
@@ -96,7 +96,7 @@ def _print_parameters(console: Console, table: pd.DataFrame) -> None:
 
 
 def print_answers(console: Console, found: Answers) -> None:
-    """Print what stands at the head of each answer, with the 95 % interval over persons."""
+    """Print the main numbers of each answer, with the 95 % interval over persons."""
     console.print(
         f"{found.postures} postures. Noise of an angle, {found.noise_source}: {found.noise_deg:.2f} degrees. "
         "In brackets 95 % over persons; by noise alone in 95 % of repetitions",

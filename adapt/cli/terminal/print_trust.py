@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What a person sees of it on the terminal."""
+"""Terminal output of ``girdle trust``."""
 
 import math
 
@@ -13,11 +13,11 @@ from adapt.trust.thorax_plausibility import PASS, WARNING
 from models.adapted_parameters import ADAPTED
 
 _HELD_OUT = {"gap_unseen_motion_deg": "motions", "gap_unseen_postures_deg": "postures"}
-"""Columns of ``trust.csv``, the one that asks most first."""
+"""Columns of ``trust.csv`` with held-out gaps, the strictest first, and their words."""
 
 
 def print_trust(console: Console, found: Trust) -> None:
-    """Print parameters with intervals, gaps in sample and held out, which checks pass, and last what may be used."""
+    """Print parameter intervals, gaps in sample and held out, the checks, and last which results may be used."""
     for model, mine in found.uncertainty.groupby("model", sort=False):
         _print_parameters(console, str(model), mine)
     _print_gaps(console, found.subjects)
@@ -37,7 +37,7 @@ def print_trust(console: Console, found: Trust) -> None:
 
 
 def _print_checks(console: Console, checks: pd.DataFrame) -> None:
-    """Say which checks all subjects of a model pass, and which do not, with limits and reason."""
+    """Print which checks all subjects of a model pass, and the failed checks with limits and reason."""
     for model, mine in checks.groupby("model", sort=False):
         passed = []
         for name, rows in mine.groupby("check", sort=False):
@@ -87,7 +87,7 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 
 def print_weights(console: Console, weights: pd.DataFrame) -> None:
-    """Print the trade-off curve of w, and whether it has a least gap at all."""
+    """Print the trade-off curve of w, and a note where the smallest gap is at an end of the curve."""
     title = "w of E = D + w mean(J), by motions held out (* smallest held-out gap)"
     numbers = ("w", "points rms, mm", "J rms, deg", "gap in sample", "held out", "at bound")
     table = folding_table(title, ("model",), numbers)
@@ -107,7 +107,7 @@ def print_weights(console: Console, weights: pd.DataFrame) -> None:
 
 
 def trust_sentences(rows: pd.DataFrame) -> list[str]:
-    """Say of the rows of ``trust.csv`` of one parameter set what may be used: angles, parameters, ellipsoid."""
+    """Write from the rows of ``trust.csv`` which results of one set may be used: angles, parameters, ellipsoid."""
     return [_say_angles(rows), _say_parameters(rows), _say_ellipsoid(rows)]
 
 

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What `girdle adapt` ends with: a verdict for each parameter set; sentences folded at the terminal's width."""
+"""Last lines of ``girdle adapt``: a verdict for each parameter set, folded at the terminal's width."""
 
 import textwrap
 from collections.abc import Iterator
@@ -15,15 +15,15 @@ from adapt.tables.results import ALL_MOTIONS, parameter_statistics
 from motions.table import BONES
 
 _LEAST_WIDTH = 40
-"""Of a line; a narrower terminal folds it itself."""
+"""Smallest width of a line; a narrower terminal folds the line itself."""
 
 
 _WHAT_WAS_HELD_OUT = {frozenset({MOTION}): "motions", frozenset({POSTURES}): "postures"}
-"""By kinds of folds (``adapt.tables.folds``)."""
+"""Words for the held-out parts, by kinds of folds (``adapt.tables.folds``)."""
 
 
 def print_folded(console: Console, text: str, first: str = "", further: str = "  ") -> None:
-    """Print a sentence folded between words, never cut: a path or an option stays in one piece."""
+    """Print a sentence folded between words, so that a path or an option stays in one piece."""
     width = max(console.width, _LEAST_WIDTH)
     folder = textwrap.TextWrapper(
         width, initial_indent=first, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
@@ -33,13 +33,13 @@ def print_folded(console: Console, text: str, first: str = "", further: str = " 
 
 
 def print_verdicts(console: Console, parameters: pd.DataFrame, heldout: pd.DataFrame, summary: pd.DataFrame) -> None:
-    """Print for each parameter set how many subjects were adapted, the held-out gap, and the parameters at a bound."""
+    """Print for each parameter set the number of adapted subjects, the held-out gap, and the parameters at a bound."""
     for line in verdicts(parameters, heldout, summary):
         print_folded(console, line)
 
 
 def verdicts(parameters: pd.DataFrame, heldout: pd.DataFrame, summary: pd.DataFrame) -> Iterator[str]:
-    """Say of each parameter set, in one line, what an adaptation with it is worth."""
+    """Write one line for each parameter set about the quality of its adaptation."""
     bounds = parameter_statistics(parameters)
     gaps = by_model(heldout) if len(heldout) else pd.DataFrame()
     for model, rows in parameters.groupby("model", sort=False):
@@ -70,6 +70,6 @@ def _in_sample_gap(summary: pd.DataFrame, model: object) -> str:
 
 
 def _falls(pairs: dict[str, tuple[float, float]]) -> str:
-    """Write 'clavicle 3.0 -> 2.6 deg, scapula 8.2 -> 4.5 deg', without a bone that was not measured."""
+    """Write 'clavicle 3.0 -> 2.6 deg, scapula 8.2 -> 4.5 deg', without bones that were not measured."""
     known = {bone: pair for bone, pair in pairs.items() if not any(map(pd.isna, pair))}
     return ", ".join(f"{bone} {before:.1f} -> {after:.1f} deg" for bone, (before, after) in known.items())

@@ -1,1 +1,1 @@
-"""Hypotheses fitted to what was observed: misfit, most probable parameters, linear model, evidence, noise."""
+"""Fits of hypotheses (sets of causes): misfit, posterior modes, linear model, evidence, noise."""

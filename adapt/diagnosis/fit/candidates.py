@@ -1,4 +1,4 @@
-"""The candidates: every effect with its strength in each channel at each posture, and what is believed about it."""
+"""Candidate effects: the strength of each in every channel at every posture, and the prior of its amplitudes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,17 +21,21 @@ Hypothesis = tuple[str, ...]
 """Names of the effects that are active together, in the order of the candidates."""
 
 _SHARE_OF_MEAN = 1.0 / 3.0
-"""An effect whose size has been measured is not active with less than this share of it."""
+"""Smallest share of the measured size at which an effect counts as active."""
 
 
 def without(hypothesis: Hypothesis, name: str) -> Hypothesis:
-    """Leave a cause out."""
+    """Remove a cause from a hypothesis."""
     return tuple(one for one in hypothesis if one != name)
 
 
 def candidate_effects(model: AnyModel, subjects: Sequence[str]) -> tuple[Effect, ...]:
-    """Give the effects to try with the set of each subject: all that are listed but for sizes that it has measured, and
-    its own doubtful numbers with their ranges. Where every subject has a set of its own, those of any, the widest."""
+    """Return the effects to try with the parameter sets of these subjects.
+
+    Candidates of a set are its doubtful numbers, with their ranges, and all other listed effects except sizes that the
+    set has measured. If every subject has a set of its own, the candidates are those of any set, each with its widest
+    prior.
+    """
     widest: dict[str, Effect] = {}
     for one in unique_sets([model], subjects)[0]:
         for effect in _of_set(one):
@@ -50,44 +54,44 @@ def _of_set(model: ParameterSet) -> Iterator[Effect]:
 
 @dataclass(frozen=True)
 class Candidates:
-    """All candidates side by side: amplitudes of all in one vector, channels of all in another."""
+    """All candidates side by side: their amplitudes in one vector, their channels in another."""
 
     effects: tuple[Effect, ...]
     columns: Float[np.ndarray, "amplitudes channels rows"]
     scale: Float[np.ndarray, " amplitudes"]
     mean: Float[np.ndarray, " amplitudes"]
     sizes: Mapping[str, MeasuredSize]
-    """What landmarks say of amplitudes, by name."""
+    """Amplitudes measured by landmarks, by name of the effect."""
 
     @cached_property
     def acting(self) -> tuple[Int[np.ndarray, "some amplitudes"], Float[np.ndarray, "some amplitudes rows"]]:
-        """The channels in which each amplitude acts, and its strength there."""
+        """Channels in which each amplitude acts, and its strength in them."""
         return acting(self.columns)
 
     @cached_property
     def places(self) -> dict[str, Int[np.ndarray, " own"]]:
-        """By name, where the amplitudes of an effect are."""
+        """Indices of the amplitudes of each effect, by name."""
         ends = np.cumsum([one.amplitudes for one in self.effects])
         return {one.name: np.arange(end - one.amplitudes, end) for one, end in zip(self.effects, ends, strict=True)}
 
     def where(self, hypothesis: Sequence[str]) -> Int[np.ndarray, " amplitudes"]:
-        """Find the amplitudes of a hypothesis, effect by effect."""
+        """Find the indices of the amplitudes of a hypothesis, effect by effect."""
         return np.concatenate([np.zeros(0, int), *(self.places[name] for name in hypothesis)]).astype(int)
 
     def among_all(
         self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"]
     ) -> Float[np.ndarray, " amplitudes"]:
-        """Give the amplitudes of a hypothesis their places among all; the others are 0."""
+        """Put the amplitudes of a hypothesis at their indices among all amplitudes; the others are 0."""
         found = np.zeros(len(self.scale))
         found[self.where(hypothesis)] = amplitude
         return found
 
     def effect(self, name: str) -> Effect:
-        """Find the effect of this name."""
+        """Return the effect of this name."""
         return next(one for one in self.effects if one.name == name)
 
     def slices(self, hypothesis: Sequence[str]) -> Iterator[tuple[Effect, slice]]:
-        """Give each effect of a hypothesis, and where its amplitudes are among those of the hypothesis."""
+        """Yield each effect of a hypothesis, and the slice of its amplitudes among those of the hypothesis."""
         start = 0
         for name in hypothesis:
             effect = self.effect(name)
@@ -95,7 +99,7 @@ class Candidates:
             start += effect.amplitudes
 
     def by_amplitude(self, by_channel: Float[np.ndarray, "rows 3 channels"]) -> Float[np.ndarray, "rows 3 amplitudes"]:
-        """Turn slopes in the strength of each channel into slopes in each amplitude, effect by effect."""
+        """Convert derivatives with respect to the channel strengths into derivatives with respect to the amplitudes."""
         found = np.empty((*by_channel.shape[:2], len(self.scale)))
         end = 0
         for effect in self.effects:
@@ -106,7 +110,7 @@ class Candidates:
 
     @cached_property
     def causes(self) -> dict[str, str]:
-        """By name, the cause of each effect."""
+        """Cause of each effect, by name of the effect."""
         return {one.name: one.cause for one in self.effects}
 
     def ordered(self, names: Sequence[str]) -> Hypothesis:
@@ -116,8 +120,11 @@ class Candidates:
     def has_the_sign(
         self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"], known: Sequence[str] = ()
     ) -> bool:
-        """Tell whether every effect acts the way that its nature or its measurement says; one that is known to be at
-        work does, whatever few data make of its size."""
+        """Check whether every effect has the sign of its prior, and at least ``_SHARE_OF_MEAN`` of a measured mean.
+
+        The first amplitude of each direction counts, where the prior has a sign. Effects that are ``known`` to be
+        active pass in any case: few data may give their size the wrong sign.
+        """
         for effect, place in self.slices(hypothesis):
             if effect.name in known:
                 continue
@@ -130,10 +137,10 @@ class Candidates:
         return True
 
 
-def lay_out(
+def build_design(
     effects: Sequence[Effect], shoulders: Shoulders, sizes: Mapping[str, MeasuredSize] = MappingProxyType({})
 ) -> Candidates:
-    """Lay the effects out for these postures; ``sizes``: what landmarks say of amplitudes, by name."""
+    """Lay out the effects for these postures; ``sizes`` measured by landmarks, by name, replace the priors."""
     columns = [effect.columns(shoulders.motions) for effect in effects]
     priors = (sizes.get(effect.name) or effect.amplitude_prior(shoulders.motions) for effect in effects)
     mean, scale = (np.concatenate(every) for every in zip(*priors, strict=True))

@@ -1,11 +1,12 @@
-"""The evidence of sets of causes in the linear model around one fit: everything but the amplitudes integrated out.
+"""Evidence of sets of causes in the linear model around one fit.
 
     y = -(noise + discrepancy),   theta_s = set + SD (h + u_s),   a_s = a + between scale v_s,   a ~ N(mean, scale^2)
 
-y is that of ``projection.nearest_posture`` at theta_s and the amplitudes a_s of each shoulder s. SD is that of a person
-about the set, h and u_s are N(0, 1): all persons may differ from the set in one direction, as it is one person too.
-A cause acts alike on all shoulders, but not the same: v_s are N(0, 1). The discrepancy is the Gaussian process of
-``fit.discrepancy``; what shoulders have in common of it is curves with factors b ~ N(0, 1).
+The vector y is that of ``projection.nearest_posture`` at theta_s and the amplitudes a_s of each shoulder s. SD is the
+standard deviation of a person about the parameter set. The factors h, u_s and v_s are N(0, 1): h lets all persons
+differ from the set in one direction, as the set is one person too, and v_s lets a cause that acts alike on all
+shoulders differ in size. The discrepancy is the Gaussian process of ``fit.discrepancy``; the part of it that shoulders
+have in common consists of curves with factors b ~ N(0, 1).
 """
 
 from dataclasses import dataclass
@@ -18,53 +19,53 @@ from jaxtyping import Float, Int
 
 @dataclass(frozen=True)
 class Given:
-    """A set of causes, in the linear model: what is asked of it is computed."""
+    """One set of causes in the linear model, with its evidence and the posterior of its amplitudes."""
 
     of_own: tuple[Float[np.ndarray, "subjects own own"], Float[np.ndarray, "subjects own every"]]
-    """Of every shoulder, the matrix of e_s, and that of e_s with h, b, x (``Evidence.given``) and 1."""
+    """Matrix of e_s of every shoulder, and matrix of e_s with h, b, x (``Evidence.given``) and 1."""
     mean: Float[np.ndarray, " own"]
     scale: Float[np.ndarray, " own"]
-    """Of the prior of a."""
+    """SD of the prior of a, whose mean is ``mean``."""
     here: Float[np.ndarray, " own"]
     sd: Float[np.ndarray, " own"]
-    """Of a_s about a."""
+    """SD of a_s about a."""
     before: Float[np.ndarray, "subjects m m"]
-    """Of every shoulder, in h, b, x and 1, where e_s is 0."""
+    """Quadratic form of every shoulder in h, b, x and 1, where e_s is 0."""
     across: Float[np.ndarray, "subjects own m"]
-    """What e_s takes of it is the square of this."""
+    """Whitened matrix of e_s with h, b, x and 1: integrating e_s out subtracts across' across from ``before``."""
     constants: Float[np.ndarray, " subjects"]
-    """What does not go by h, b and x, of the log evidence of every shoulder."""
+    """Terms of the log evidence of every shoulder that do not depend on h, b and x."""
 
     @cached_property
     def rest(self) -> Float[np.ndarray, "subjects m m"]:
-        """Integrate e_s out of every shoulder."""
+        """Quadratic form of every shoulder with e_s integrated out."""
         return self.before - np.swapaxes(self.across, 1, 2) @ self.across
 
     @cached_property
     def _of_all(self) -> tuple[np.ndarray, np.ndarray]:
-        """L of all shoulders, and the logarithm of the integral over h, b and x."""
+        """Cholesky factor L of the sum over all shoulders, and the logarithm of the integral over h, b and x."""
         flat = self.across.reshape(-1, self.across.shape[2])
         return _integrated(self.before.sum(axis=0) - flat.T @ flat)
 
     @property
     def log_evidence(self) -> float:
-        """Of all shoulders."""
+        """Log evidence of all shoulders."""
         return float(self.constants.sum() + self._of_all[1])
 
     @cached_property
     def amplitude(self) -> Float[np.ndarray, " own"]:
-        """Find a where its posterior is highest."""
+        """Posterior mode of a."""
         z = highest(self._of_all[0])
         return self.mean + self.scale * z[len(z) - len(self.scale) :]
 
     def resampled(self, times: Float[np.ndarray, "draws subjects"]) -> Float[np.ndarray, " draws"]:
-        """Compute the log evidence of shoulders that count so much each."""
+        """Compute the log evidence with weighted shoulders, for every draw of weights ``times``."""
         return times @ self.constants + _integrated(np.tensordot(times, self.rest, 1))[1]
 
     def amplitude_of(
         self, times: Float[np.ndarray, " subjects"]
     ) -> tuple[Float[np.ndarray, " own"], Float[np.ndarray, "own own"]]:
-        """Compute a of shoulders that count so much each, and L of the precision L L' of its posterior."""
+        """Compute the posterior mode of a with weighted shoulders, and L of the posterior precision L L'."""
         root, _ = _integrated(np.tensordot(times, self.rest, 1))
         n = len(root) - 1
         own = slice(n - len(self.scale), n)
@@ -72,24 +73,29 @@ class Given:
 
     @property
     def of_shoulders(self) -> Float[np.ndarray, "subjects own"]:
-        """Give a_s, where their posterior is highest."""
+        """Posterior mode of a_s of every shoulder."""
         H, W = self.of_own
         e = -np.linalg.solve(H, (W @ np.append(highest(self._of_all[0]), 1.0))[..., None])[..., 0]
         return self.here + self.sd * e
 
 
 class Evidence(NamedTuple):
-    """log p(data, z) of each shoulder: a constant - z'Mz / 2 of z = (h, b, a_s - here, 1), theta_s integrated out."""
+    """Log density of the data and z of each shoulder.
+
+        log p(data, z) = constant - z'Mz / 2,   z = (h, b, a_s - here, 1)
+
+    The parameters theta_s are integrated out.
+    """
 
     matrix: Float[np.ndarray, "subjects n n"]
     constants: Float[np.ndarray, " subjects"]
     shared: int
-    """How many of h and b there are."""
+    """Number of shared factors h and b."""
     between: float | Float[np.ndarray, " own"]
-    """SD of a_s about a, of the prior SD: of all amplitudes, or of each that is given."""
+    """SD of a_s about a, relative to the prior SD: one for all amplitudes, or one per amplitude in ``given``."""
 
     def with_positions(self, other: "Evidence", here: Float[np.ndarray, " every"]) -> "Evidence":
-        """Add what positions say, which is in a_s and not in a_s - here."""
+        """Add the log density of positions, ``other``, whose z contains a_s in place of a_s - here."""
         f, k = other.shared, len(here)
         n, shifted = self.shared + f, other.matrix.copy()
         shifted[..., -1] += other.matrix[..., f:-1] @ here
@@ -104,19 +110,21 @@ class Evidence(NamedTuple):
         return Evidence(matrix, self.constants + other.constants, n, self.between)
 
     def only(self, where: Int[np.ndarray, " own"]) -> "Evidence":
-        """Take some of the amplitudes; the others are 0."""
+        """Select some of the amplitudes; the others are 0."""
         kept = np.concatenate([np.arange(self.shared), self.shared + where, [-1]])
         return self._replace(matrix=self.matrix[:, kept[:, None], kept])
 
     def of(self, shoulders: np.ndarray) -> "Evidence":
-        """Take these shoulders."""
+        """Select these shoulders."""
         return self._replace(matrix=self.matrix[shoulders], constants=self.constants[shoulders])
 
     def of_amplitudes(
         self, mean: Float[np.ndarray, " own"], scale: Float[np.ndarray, " own"]
     ) -> Float[np.ndarray, "own+1 own+1"]:
-        """Integrate all but a: Q of -2 log p(data, a) = (a, 1)' Q (a, 1) + a constant, without the prior of a; a_s is
-        absolute."""
+        """Integrate out all but a: return Q of -2 log p(data, a) = (a, 1)' Q (a, 1) + constant, without the prior of a.
+
+        The evidence must be in a_s itself (here = 0).
+        """
         k = len(mean)
         rest = self.given(np.arange(k), np.zeros(k), mean, scale).rest.sum(axis=0)
         rest[: self.shared, : self.shared] += np.eye(self.shared)
@@ -132,15 +140,19 @@ class Evidence(NamedTuple):
         mean: Float[np.ndarray, " own"],
         scale: Float[np.ndarray, " own"],
     ) -> Given:
-        """Integrate h, b and the amplitudes ``where`` over their priors; the others stay.
+        """Integrate h, b and the amplitudes ``where`` over their priors; the other amplitudes stay as they are.
 
-        With a_s = here + SD e_s and a = mean + scale x, SD = between scale, v_s = e_s + (here - mean) / SD - x /
-        between: that is the prior of e_s, which is integrated out of each shoulder. h, b and x of all are left.
+        With a_s = here + SD e_s, a = mean + scale x and SD = between scale, the prior N(0, 1) of
+
+            v_s = e_s + (here - mean) / SD - x / between
+
+        is the prior of e_s given x. The variables e_s are integrated out of each shoulder; h, b and x remain, common to
+        all shoulders.
         """
         f, k, sd, m = self.shared, len(where), self.between * scale, (here - mean) / (self.between * scale)
-        own, n = f + where, f + k  # n of h, b and x
+        own, n = f + where, f + k  # n: number of h, b and x
         H = np.eye(k) + sd[:, None] * self.matrix[:, own[:, None], own] * sd
-        W = np.empty((len(H), k, n + 1))  # of e_s with h, b, x and 1
+        W = np.empty((len(H), k, n + 1))  # matrix of e_s with h, b, x and 1
         W[..., :f] = sd[:, None] * self.matrix[:, own, :f]
         W[..., f:n] = -np.eye(k) / self.between
         W[..., n] = sd * self.matrix[:, own, -1] + m
@@ -155,20 +167,21 @@ class Evidence(NamedTuple):
 
 
 def highest(root: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " n"]:
-    """Find where a quadratic in some variables and 1 is highest, by its L."""
+    """Find the mode of a Gaussian density from the Cholesky factor L of its quadratic form in some variables and 1."""
     return -np.linalg.solve(root[:-1, :-1].T, root[-1, :-1])
 
 
 def _integrated(total: Float[np.ndarray, "*draws m m"]) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate all but the 1 of a quadratic over their priors: L of the sum, and the logarithm of the integral."""
+    """Integrate out all variables of a quadratic form but the 1, with their priors: return L, and the log integral."""
     root = np.linalg.cholesky(total + np.diag(np.append(np.ones(total.shape[-1] - 1), 0.0)))
     diagonal = np.diagonal(root, axis1=-2, axis2=-1)
     return root, -np.log(diagonal[..., :-1]).sum(axis=-1) - 0.5 * diagonal[..., -1] ** 2
 
 
 def without(matrix: Float[np.ndarray, "*shoulders n n"], first: int) -> tuple[np.ndarray, np.ndarray]:
-    """Eliminate the first variables of a quadratic: the Schur complement, and half the log determinant of theirs."""
-    from scipy.linalg import solve_triangular  # 0.3 s to load: not for every command
+    """Eliminate the first variables of a quadratic form: Schur complement, and half the log determinant of their
+    block."""
+    from scipy.linalg import solve_triangular  # takes 0.3 s to load, and not every command needs it
 
     root, beside = np.linalg.cholesky(matrix[..., :first, :first]), matrix[..., :first, first:]
     flat = zip(root.reshape(-1, first, first), beside.reshape(-1, *beside.shape[-2:]), strict=True)

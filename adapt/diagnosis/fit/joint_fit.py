@@ -1,8 +1,8 @@
-"""The fits of the diagnosis: subjects with sets of causes, all postures or some of them, side by side.
+"""Joint fits of the diagnosis: subjects with sets of causes, on all or some of their postures, as one batch.
 
-The E of each subject is that of `girdle adapt` (thesis Eq. 6.5), the points on the thorax counting less where they are
-another person's (``Model.thorax_downweighting``); see ``adapt.solvers.projection.gauss_newton``. A part is one subject
-in one group; the parts of a group have one set of causes.
+Each subject has the objective E of ``girdle adapt`` (thesis Eq. 6.5), with thorax down-weighting where the thorax
+points are another person's (``Model.thorax_downweighting``); see ``adapt.solvers.projection.gauss_newton``. A part is
+one subject in one group; the parts of a group have one set of causes.
 """
 
 from collections.abc import Sequence
@@ -31,15 +31,16 @@ from models.person.thorax_ellipsoid import has_own_thorax
 _N = len(ADAPTED)
 
 _MOST_STEPS = 400
-"""The fits of measured motions take 5 to 30 steps, the hardest 60 to 300."""
+"""Maximum number of steps: fits of measured motions take 5 to 30, the hardest 60 to 300."""
 
 SETTLED = 1e-4
-"""Decrease of E + prior in a step at which a search may end: a thousandth of what one effect adds."""
+"""Convergence tolerance: decrease of E + prior in a step, a thousandth of what one effect adds."""
 
 THORAX_DOWNWEIGHTING = 30.0
-"""Points on the thorax that are another person's count 1/30 of what they do in E. With w = 10, made for them, the
-ellipsoid stays so close to another person's thorax that every candidate that lets it go predicts better, whatever is
-active. w = 300 predicts held-out motions of measured shoulders best, with every set (docs/trust.md)."""
+"""Down-weighting K of thorax points of another person, which count 1/30 in E. With w = 10, chosen for such
+points, the ellipsoid stays so close to another person's thorax that every candidate that releases the ellipsoid
+predicts better, whatever is active. w = 300 predicts held-out motions of measured shoulders best, with every
+parameter set (docs/trust.md)."""
 
 
 class Part(NamedTuple):
@@ -52,32 +53,32 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Model:
-    """The parameter set of each subject after its geometric fit, with the effects that may be active."""
+    """Parameter set of each subject after its geometric fit, with the effects that may be active."""
 
     sets: Sets
-    """Of the subjects, in their order: one set may be everybody's."""
+    """Parameter sets in the order of the subjects; all subjects may have the same one."""
     effects: tuple[Effect, ...]
     thorax_downweighting: float = 1.0
-    """The points on the thorax count 1/k: w is k times as large."""
+    """Thorax down-weighting K: the thorax points count 1/K, so that w is K times as large."""
 
     @property
     def weight(self) -> float:
-        """w of E."""
+        """Weight w of E."""
         return down_weighted(WEIGHT, self.thorax_downweighting)
 
     @staticmethod
     def of(parameters: AnyModel, subjects: Sequence[str], effects: tuple[Effect, ...]) -> "Model":
-        """Fit each set's ellipsoid to its thorax points, where every adaptation starts."""
+        """Fit the ellipsoid of each parameter set to its thorax points: the starting point of every adaptation."""
         own = all(has_own_thorax(one) for one in unique_sets([parameters], subjects)[0])
         return Model(sets_of([parameters], subjects), effects, 1.0 if own else THORAX_DOWNWEIGHTING)
 
     @cached_property
     def theta_mm(self) -> Float[np.ndarray, "subjects adapted"]:
-        """The sets' own adapted parameters."""
+        """Adapted parameters as the parameter sets have them."""
         return np.asarray(self.sets.girdle.adapted_mm).T
 
     def thorax(self, subject: Int[np.ndarray, " parts"]) -> Thorax:
-        """Give the points on the thorax of parts of these subjects."""
+        """Return the thorax points of parts with these subjects."""
         girdle, points, weights = take_problems(
             (self.sets.girdle, self.sets.points_mm, self.sets.point_weights), subject
         )
@@ -86,33 +87,33 @@ class Model:
 
 @dataclass(frozen=True)
 class JointFit:
-    """The problem: a model, subjects, candidates, and the parts."""
+    """Joint fit of a model to subjects, with the candidates and the parts."""
 
     model: Model
     shoulders: Shoulders
     candidates: Candidates
     parts: tuple[Part, ...]
     positions: PositionRows | None = None
-    """Measured landmarks of all shoulders, where the fits are to see them."""
+    """Measured landmarks of all shoulders, where they are data of the fits."""
 
     @cached_property
     def rows(self) -> Int[np.ndarray, " every"]:
-        """Rows of all parts, one after the other."""
+        """Row indices of all parts, one part after the other."""
         return np.concatenate([part.rows for part in self.parts])
 
     @cached_property
     def subject(self) -> Int[np.ndarray, " parts"]:
-        """Subject of each part."""
+        """Subject number of each part."""
         return np.array([part.subject for part in self.parts])
 
     @cached_property
     def group(self) -> Int[np.ndarray, " parts"]:
-        """Group of each part."""
+        """Group number of each part."""
         return np.array([part.group for part in self.parts])
 
     @property
     def groups(self) -> int:
-        """How many groups there are."""
+        """Number of groups."""
         return self.parts[-1].group + 1
 
     @cached_property
@@ -130,11 +131,11 @@ class JointFit:
             weights=self.model.weight / counts[of_row] * self.shoulders.weights[self.rows],
             part=of_row,
             group=self.group,
-            strengths_are_known=True,  # whoever wants slopes in them wants whole ones
+            strengths_are_known=True,  # slopes in the strengths come from with_whole_slopes
         )
 
     def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:
-        """Lay out the amplitudes of each group's hypothesis; a group that has fewer than another has some idle ones."""
+        """Lay out the amplitudes of each group's hypothesis, padded with idle amplitudes to the largest hypothesis."""
         places = [self.candidates.where(one) for one in hypotheses]
         most, group_of_row = max(map(len, places)), self.group[self._parts.part]
         every, strengths = self.candidates.acting
@@ -150,13 +151,13 @@ class JointFit:
         return Shared(channels[used], columns[used], scale, mean)
 
     def of(self, parts: tuple[Part, ...]) -> "JointFit":
-        """Take other parts."""
+        """Return this fit with other parts."""
         return replace(self, parts=parts)
 
     def _strengths(
         self, hypotheses: Sequence[Hypothesis], amplitudes: Sequence[Float[np.ndarray, " own"]]
     ) -> Float[np.ndarray, "channels every"]:
-        """What the hypothesis of each group does at its rows with these amplitudes."""
+        """Compute the strengths of each group's hypothesis with these amplitudes, at the rows of the group."""
         found, group = np.zeros(self._parts.strengths.shape), self.group[self._parts.part]
         for number, (hypothesis, amplitude) in enumerate(zip(hypotheses, amplitudes, strict=True)):
             own, where = group == number, self.candidates.where(hypothesis)
@@ -171,19 +172,18 @@ class JointFit:
         theta_mm: Float[np.ndarray, "parts adapted"],
         amplitudes: Sequence[Float[np.ndarray, " own"]],
     ) -> Nearest:
-        """Find the nearest postures of all rows with the hypothesis and the amplitudes of each group, with the whole
-        slopes."""
+        """Find the nearest postures of all rows with each group's hypothesis and amplitudes, and the whole slopes."""
         strengths = self._strengths(hypotheses, amplitudes)
         return self._parts.with_whole_slopes(theta_mm.T, strengths, self._parts.nearest(theta_mm.T, strengths))
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
-        """Give E of hypotheses side by side; this fit has one group."""
+        """Return E of a batch of hypotheses, one group per hypothesis; this fit must have a single group."""
         groups = range(len(hypotheses))
         every = self.of(tuple(part._replace(group=group) for group in groups for part in self.parts))
         return Objective(every._parts, every._shared(hypotheses))
 
     def from_starts(self) -> End:
-        """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
+        """Adapt every part without effects from each starting point of ``girdle adapt``, and keep the lowest E."""
         first = self.model.theta_mm[self.subject]
         none = np.zeros((0, self.groups))
         nothing = self._shared([()] * self.groups)
@@ -202,18 +202,18 @@ def _minimum(parts: Parts, shared: Shared, theta_mm, amplitude) -> End:
 
 @dataclass(frozen=True)
 class Linearised:
-    """The rows around adaptations without causes."""
+    """Linear model of the rows around adaptations without causes."""
 
     joint: JointFit
     theta_mm: Float[np.ndarray, "subjects adapted"]
     y: Float[np.ndarray, "rows 3"]
     Z: Float[np.ndarray, "rows 3 n"]
-    """dy in the adapted parameters and in the amplitudes of all candidates."""
+    """Derivatives of y with respect to the adapted parameters and the amplitudes of all candidates."""
     B: Float[np.ndarray, "rows 3 6"]
 
 
 def linearise(joint: JointFit, theta_mm: Float[np.ndarray, "subjects adapted"]) -> Linearised:
-    """Linearise around these parameters (``joint`` has everybody's parts, one group)."""
+    """Linearise the rows around these parameters; ``joint`` has all subjects, in one group."""
     near, order = joint.nearest([()], theta_mm, [np.zeros(0)]), np.argsort(joint.rows)
     rows_first = (np.moveaxis(x, -1, 0) for x in (near.y, near.by_theta, near.by_channel, near.B))
     y, by_theta, by_channel, B = (x[order] for x in rows_first)

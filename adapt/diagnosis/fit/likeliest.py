@@ -1,4 +1,4 @@
-"""What no cause explains, as the data have it: the discrepancy of the highest evidence times prior around a mode."""
+"""Estimate of the unexplained part: hyperparameters with the highest evidence times prior around a posterior mode."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -22,32 +22,34 @@ from adapt.diagnosis.fit.posterior import Posterior
 from models.adapted_parameters import ADAPTED
 
 _WITHIN = 2.5
-"""Discrepancies are looked for within so many SDs of their prior."""
+"""Range of the search about the prior medians, in SDs of the prior."""
 
 _ENOUGH = 0.3
-"""Nats that a step gains, at which the search ends: beliefs are weighed to about as much."""
+"""Convergence tolerance: gain of a step in nats. Beliefs are weighed with about this accuracy."""
 
 _SEARCH = {"eps": 1e-2, "maxiter": 25, "maxls": 6}
-"""For slopes, differences of a hundredth of an SD: the evidence is smooth but for curves that come and go. At those a
-longer line search ends in vain."""
+"""Options of L-BFGS-B, with gradients from differences of a hundredth of an SD. The evidence is smooth except where
+curves appear or vanish; a longer line search there fails."""
 
 _OF_COMMON_CURVES = ("common_motion_deg", "common_deg", "length_deg")
 _OF_Y = ("noise_deg", "of_motion_deg", "of_shoulder_deg", *_OF_COMMON_CURVES)
 _OF_PLACES = ("noise_deg", "length_deg", *OF_POSITIONS)
-"""What each part of the evidence goes by."""
+"""Hyperparameters on which the common curves, the evidence of y and the evidence of the positions depend."""
 
 
 def likeliest(joint: JointFit, at: Posterior, none: Sequence[str] = (), start: Discrepancy = TYPICAL) -> Discrepancy:
-    """Find the discrepancy of the highest evidence times prior, in the linear model around a mode; of some of its parts
-    there is ``none``."""
-    from scipy.optimize import minimize  # 0.4 s to load: not for every command
+    """Find the hyperparameters with the highest evidence times prior, in the linear model around a mode.
+
+    ``none``: names of hyperparameters that are 0.
+    """
+    from scipy.optimize import minimize  # takes 0.4 s to load, and not every command needs it
 
     where, evidence = joint.candidates.where(at.hypothesis), _evidence_at(joint, at)
     mean, scale, own = joint.candidates.mean[where], joint.candidates.scale[where], np.arange(len(where))
     free = ~np.isin(Discrepancy._fields, (*none, *(() if joint.positions else OF_POSITIONS)))
 
     def of(z: Float[np.ndarray, " numbers"]) -> Discrepancy:
-        """In SDs of the logarithms about their medians."""
+        """Return the hyperparameters at ``z``, in SDs of their logarithms about the prior medians."""
         logs = np.zeros(len(TYPICAL))
         logs[free] = z
         return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * logs).tolist())._replace(**dict.fromkeys(none, 0.0))
@@ -57,14 +59,17 @@ def likeliest(joint: JointFit, at: Posterior, none: Sequence[str] = (), start: D
         return 0.5 * float((z**2).sum()) - given.log_evidence
 
     begin = np.log(np.array(start)[free] / np.array(TYPICAL)[free]) / LOG_SD[free]
-    options = _SEARCH | {"ftol": _ENOUGH / max(1.0, abs(cost(begin)))}  # of the value
+    options = _SEARCH | {"ftol": _ENOUGH / max(1.0, abs(cost(begin)))}  # relative to the cost
     bounds = [(-_WITHIN, _WITHIN)] * len(begin)
     return of(minimize(cost, begin, method="L-BFGS-B", bounds=bounds, options=options).x)
 
 
 def _evidence_at(joint: JointFit, at: Posterior) -> Callable[[Discrepancy], Evidence]:
-    """Lay out the evidence around a mode by its parts: differences that make a slope change one number each, and what
-    does not go by it is kept."""
+    """Return the evidence around a mode as a function of the hyperparameters.
+
+    Each finite difference of a gradient changes one hyperparameter, so a cache keeps the parts of the evidence that do
+    not depend on the changed hyperparameter.
+    """
     shoulders, where = joint.shoulders, joint.candidates.where(at.hypothesis)
     Z, own = at.Z[..., np.concatenate([np.arange(len(ADAPTED)), len(ADAPTED) + where])], np.arange(len(where))
     rows = joint.positions.amplitudes(where) if joint.positions else None
@@ -79,7 +84,7 @@ def _evidence_at(joint: JointFit, at: Posterior) -> Callable[[Discrepancy], Evid
         white = whitening(shoulders, discrepancy, curves(discrepancy.only(_OF_COMMON_CURVES)))
         return Likelihood(joint.model, white, 0.0, None).evidence(at.theta_mm, at.y, Z, own, at.amplitude)
 
-    @lru_cache(maxsize=2)  # they are large
+    @lru_cache(maxsize=2)  # the matrices are large
     def grams(noise_deg: float, length_deg: float) -> Grams:
         assert rows is not None
         return position_grams(rows, shoulders, noise_deg, length_deg)

@@ -1,4 +1,4 @@
-"""What is believed of y, theta, the amplitudes and measured positions: a linear Gaussian model (``fit.evidence``)."""
+"""Gaussian model of y, theta, the effect amplitudes and the measured positions (``fit.evidence``)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,16 +20,16 @@ _N, _C = len(ADAPTED), len(CONSTRAINTS)
 
 @dataclass(frozen=True)
 class Likelihood:
-    """What is believed of y, theta and the amplitudes of every shoulder."""
+    """Linear Gaussian model of y, theta and the amplitudes of every shoulder."""
 
     model: Model
     whitening: Whitening
     between: float
-    """SD of a_s about a, of the prior SD."""
+    """SD of a_s about a, relative to the prior SD."""
     positions: Evidence | None = None
-    """What measured positions say of all amplitudes."""
+    """Log density of the measured positions as a function of all amplitudes."""
     shown: ShownNoise | None = None
-    """And of the noise of y."""
+    """Noise of y that the measured positions show."""
 
     @staticmethod
     def of(
@@ -37,7 +37,7 @@ class Likelihood:
         discrepancy: Discrepancy,
         seen: Bool[np.ndarray, " rows"] | None = None,
     ) -> "Likelihood":
-        """Factor what no cause explains, of all rows or of those that are seen."""
+        """Factor the covariance of the unexplained part, of all rows or of those where ``seen`` is True."""
         white = whitening(joint.shoulders, discrepancy, common_curves(joint.shoulders, discrepancy), seen)
         rows, positions, shown = joint.positions, None, None
         if rows:
@@ -48,17 +48,17 @@ class Likelihood:
 
     @property
     def shared(self) -> int:
-        """How many of h and b there are."""
+        """Number of shared factors h and b."""
         return _N + self._whitened.blocks * self.whitening.curves[0].shape[1]
 
     @cached_property
     def sd_mm(self) -> Float[np.ndarray, "subjects adapted"]:
-        """SD of each person about its set."""
+        """SD of each person's adapted parameters about the parameter set."""
         return np.asarray(self.model.sets.person_sd_mm).T
 
     @cached_property
     def _whitened(self) -> "_SideBySide":
-        """Lay the shoulders out side by side."""
+        """Whitening of all shoulders as padded arrays."""
         white, most = self.whitening, max(map(len, self.whitening.rows))
         together = max(map(len, white.inverse_root)) // most
         first, place = 0, np.zeros((len(white.rows), most), int)
@@ -78,8 +78,10 @@ class Likelihood:
         theta_mm: Float[np.ndarray, "groups subjects adapted"],
         f: Float[np.ndarray, "groups factors"],
     ) -> tuple[Float[np.ndarray, "groups subjects blocks m"], Float[np.ndarray, "groups subjects adapted"]]:
-        """Compute what is white of every shoulder at f = (h, b): its rows, one shoulder's after the other, and theta
-        less what persons have in common."""
+        """Compute the whitened residuals of every shoulder at f = (h, b): of its rows, and of theta about h.
+
+        ``y``: all rows of one shoulder, then of the next.
+        """
         at, (h, b) = self._whitened, np.split(f[:, None], [_N], axis=2)
         common = at.curves[:, None] @ b.reshape(len(f), 1, at.blocks, -1, 1)
         return (at.white(y[..., None]) + common)[..., 0], (theta_mm - self.model.theta_mm) / self.sd_mm - h
@@ -91,8 +93,10 @@ class Likelihood:
         theta_mm: Float[np.ndarray, "groups subjects adapted"],
         f: Float[np.ndarray, "groups factors"],
     ) -> Float[np.ndarray, "groups subjects m m"]:
-        """Compute M of -2 log p = z'Mz of every shoulder in what is added to theta, h, b and the others that y has
-        ``slopes`` in, theta first, and 1."""
+        """Compute M of -2 log p = z'Mz of every shoulder, z = (changes of theta, h, b and other variables, 1).
+
+        ``slopes``: derivatives of y with respect to theta, and then to the other variables.
+        """
         at, (white, prior) = self._whitened, self.values(y, theta_mm, f)
         (groups, subjects, *_), n, end = white.shape, slopes.shape[3], _N + self.shared
         own = np.concatenate([at.white(slopes), white[..., None]], axis=4)
@@ -112,7 +116,7 @@ class Likelihood:
     def _add_prior(
         self, M: Float[np.ndarray, "groups subjects m m"], prior: Float[np.ndarray, "groups subjects adapted"]
     ) -> None:
-        """Add that of theta about what persons have in common, h: the square of ``prior`` + theta / SD - h."""
+        """Add the prior of theta about the common shift h: the square of ``prior`` + theta / SD - h."""
         theta, h, precision = np.arange(_N), np.arange(_N, 2 * _N), 1.0 / self.sd_mm
         M[..., theta, theta] += precision**2
         M[..., h, h] += 1.0
@@ -130,8 +134,10 @@ class Likelihood:
         where: Int[np.ndarray, " some"],
         here: Float[np.ndarray, " some"],
     ) -> Evidence:
-        """Integrate theta of every shoulder out; Z is dy in theta and in the amplitudes ``where``, which are ``here``
-        in it."""
+        """Integrate theta of every shoulder out.
+
+        ``Z``: derivatives of y with respect to theta and the amplitudes ``where``, whose values are ``here``.
+        """
         rows, none = np.concatenate(self.whitening.rows), np.zeros((1, self.shared))
         if self.shown:
             added = self.shown.of(where)
@@ -145,16 +151,16 @@ class Likelihood:
 
 
 class _SideBySide(NamedTuple):
-    """What makes rows white, of all shoulders: those with fewer rows than others have some of 0 at last."""
+    """Whitening of all shoulders. Shoulders with fewer rows than others are padded with rows of 0 at the end."""
 
     place: Int[np.ndarray, "subjects own"]
-    """Of each row, among those of all; of one of 0 that of the first."""
+    """Index of each row among the rows of all shoulders; for padding, index of the shoulder's first row."""
     root: Float[np.ndarray, "subjects m m"]
     curves: Float[np.ndarray, "subjects m curves"]
     blocks: int
-    """Of constraints that are white together: three of one, or one of three."""
+    """Number of blocks of constraints that are whitened together: three blocks of one, or one block of three."""
 
     def white(self, x: Float[np.ndarray, "groups rows 3 n"]) -> Float[np.ndarray, "groups subjects blocks m n"]:
-        """Make rows white."""
+        """Whiten the rows."""
         own = np.moveaxis(x[:, self.place], 3, 2)
         return self.root[:, None] @ own.reshape(*own.shape[:2], self.blocks, -1, own.shape[4])

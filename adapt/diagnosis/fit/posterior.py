@@ -1,7 +1,7 @@
-"""The posterior mode of sets of causes, by damped Gauss-Newton steps within the bounds.
+"""Posterior modes of sets of causes, found by damped Gauss-Newton steps within the bounds.
 
-At the mode of theta, h, b and a (``fit.evidence``) with amplitudes that all shoulders share the model is taken for
-linear (Laplace), and there each shoulder has its own.
+The mode of theta, h, b and a (``fit.evidence``) has amplitudes that all shoulders share. The model is linearised there
+(Laplace approximation), and in the linear model each shoulder has subject-level amplitudes.
 """
 
 from collections.abc import Sequence
@@ -26,31 +26,32 @@ from models.adapted_parameters import ADAPTED
 _N = len(ADAPTED)
 
 _MOST_STEPS = 300
-"""Most modes take 20 to 60; ridges are long and curved."""
+"""Maximum number of steps: most modes take 20 to 60, more in long, curved ridges."""
 
 _ENOUGH = 0.02
-"""Decrease of -2 log p in a step at which a mode is found, a hundredth of a nat. With 0.5 sets of causes ended a nat
-from their modes, and which was named went by the last digit of a sum."""
+"""Convergence tolerance: decrease of -2 log p in a step, a hundredth of a nat. At a tolerance of 0.5, searches ended up
+to one nat away from the mode, and rounding errors decided which cause was named."""
 
 _DAMPING = Damping(less=0.25, more=8.0, least=1e-3, least_after_failure=0.01, hopeless=1e3)
 
 _NEAR = 1e-4
-"""A posture is near enough where a projection moves it by fewer SDs: |y|^2 is stationary there."""
+"""Convergence tolerance of nearest postures: movement by a projection, in SDs. A coarse tolerance is enough,
+because ``|y|^2`` is stationary at the nearest posture."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """The mode of one hypothesis."""
+    """Posterior mode of one hypothesis, with the linear model there."""
 
     hypothesis: Hypothesis
     theta_mm: Float[np.ndarray, "subjects adapted"]
     amplitude: Float[np.ndarray, " own"]
     y: Float[np.ndarray, "rows 3"]
     Z: Float[np.ndarray, "rows 3 n"]
-    """dy in the adapted parameters and in the amplitudes of all candidates."""
+    """Derivatives of y with respect to the adapted parameters and the amplitudes of all candidates."""
     evidence: Evidence
     by_belief: tuple[Evidence, ...] = ()
-    """With each belief about what no cause explains, in the same linear model."""
+    """Evidence with each belief about the unexplained part, in the same linear model."""
 
 
 def modes(
@@ -61,7 +62,8 @@ def modes(
     amplitudes: Sequence[Float[np.ndarray, " own"]],
     beliefs: Sequence[Likelihood] = (),
 ) -> list[Posterior]:
-    """Find the modes of hypotheses side by side, each from a start of its own; ``joint`` has everybody in one group."""
+    """Find the modes of a batch of hypotheses, each from its own starting point; ``joint`` has all subjects in one
+    group."""
     objective = joint.objective(hypotheses)
     a = np.zeros((max(map(len, amplitudes)), len(hypotheses)))
     for group, own in enumerate(amplitudes):
@@ -71,7 +73,7 @@ def modes(
     near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood), _MOST_STEPS)
     near = objective.with_whole_slopes(theta, mode.a, near)
     every = np.arange(len(joint.candidates.scale))
-    distinct = {id(one): one for one in (likelihood, *beliefs)}.values()  # the first is mostly among the others
+    distinct = {id(one): one for one in (likelihood, *beliefs)}.values()  # likelihood is mostly one of the beliefs
     in_order, thetas = np.argsort(joint.rows), _by_group(theta, mode)
     found = []
     for group, hypothesis in enumerate(hypotheses):
@@ -90,7 +92,7 @@ def modes(
 def _by_positions(
     joint: JointFit, likelihood: Likelihood, hypotheses: Sequence[Hypothesis]
 ) -> Float[np.ndarray, "own+1 own+1 groups"]:
-    """Compute what positions say of the amplitudes of hypotheses (``Evidence.of_amplitudes``); nothing without them."""
+    """Compute Q of each hypothesis from the positions (``Evidence.of_amplitudes``); 0 without positions."""
     places = [joint.candidates.where(one) for one in hypotheses]
     most = max(map(len, places))
     found = np.zeros((most + 1, most + 1, len(places)))
@@ -106,7 +108,7 @@ def _by_positions(
 def _added(
     joint: JointFit, likelihood: Likelihood, hypotheses: Sequence[Hypothesis]
 ) -> Float[np.ndarray, "rows 3 own+1 groups"]:
-    """Lay out what positions add to y (``ShownNoise.added``) for hypotheses; nothing, of one row, without them."""
+    """Lay out the terms that positions add to y (``ShownNoise.added``) per hypothesis; else one row of 0."""
     places = [joint.candidates.where(one) for one in hypotheses]
     most = max(map(len, places))
     if likelihood.shown is None:
@@ -118,15 +120,15 @@ def _added(
 
 
 class _OfGroups(NamedTuple):
-    """Where the steps of each hypothesis are, beside the adapted parameters of its parts."""
+    """State of the iteration of each hypothesis, beside the adapted parameters of its parts."""
 
     a: Float[np.ndarray, "own groups"]
     f: Float[np.ndarray, "factors groups"]
-    """h and b."""
+    """Shared factors h and b."""
     by_positions: Float[np.ndarray, "own+1 own+1 groups"]
-    """Q of what positions say of a."""
+    """Quadratic form Q of a given the positions."""
     added: Float[np.ndarray, "rows 3 own+1 groups"]
-    """What they add to y, of every amplitude and without any."""
+    """Terms that positions add to y: one per amplitude, and a constant."""
     total: Float[np.ndarray, " groups"]
     """-2 log p."""
     damping: Float[np.ndarray, " groups"]
@@ -134,7 +136,7 @@ class _OfGroups(NamedTuple):
 
 
 def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions, added) -> Steps:
-    """Evaluate where the steps begin, within the bounds."""
+    """Evaluate the starting point, clipped to the bounds."""
     theta, groups = np.clip(theta, *objective.parts.bounds_mm), a.shape[1]
     nowhere, f = np.full(groups, np.inf), np.zeros((likelihood.shared, groups))
     first = _OfGroups(a, f, by_positions, added, nowhere, np.zeros(groups), np.ones(groups, bool))
@@ -143,7 +145,8 @@ def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions,
 
 
 def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Steps:
-    """Take a step in every group that is going on, if it leads down; else damp it more."""
+    """Take a step in every unfinished group if -2 log p does not rise and no chain opens; increase the damping of the
+    other groups."""
     parts, shared, (near, theta, now) = objective.parts, objective.shared, steps
     gradient, undamped = _quadratic(likelihood, objective, steps)
     matrix = undamped.copy()
@@ -178,7 +181,7 @@ def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Step
 def _at(
     likelihood: Likelihood, objective: Objective, theta, at: _OfGroups, start
 ) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
-    """Compute -2 log p of every group."""
+    """Compute the nearest postures, and -2 log p of every group."""
     near, parts, shared = objective.nearest(theta, at.a, start, _NEAR), objective.parts, objective.shared
     total = (((at.a - shared.mean) / shared.scale) ** 2).sum(axis=0) + (at.f**2).sum(axis=0)
     total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), len(total))
@@ -197,7 +200,8 @@ def _and_1(a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "own+1 group
 
 
 def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
+    """Compute gradient and Gauss-Newton matrix of -log p of every part in theta, f and a, without the priors of f and a
+    and the quadratic form of a given the positions."""
     near, theta, at = steps
     near = objective.with_whole_slopes(theta, at.a, near)
     slopes = np.concatenate([near.by_theta, objective.by_amplitude(near)], axis=1)
@@ -211,15 +215,15 @@ def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tu
 def _decrease(
     gradient: Float[np.ndarray, "n every"], matrix: Float[np.ndarray, "n n every"], d: Float[np.ndarray, "n every"]
 ) -> Float[np.ndarray, " every"]:
-    """Compute by how much -2 log p goes down along d, of half of which these are."""
+    """Compute the decrease of -2 log p along d from the gradient and matrix of -log p."""
     return -(d * (2.0 * gradient + np.einsum("ijp,jp->ip", matrix, d))).sum(axis=0)
 
 
 def _rows_first(x: Float[np.ndarray, "3 n every"], at: _OfGroups) -> Float[np.ndarray, "groups rows 3 n"]:
-    """Part the rows by group."""
+    """Split the rows by group, and move them before the components."""
     return np.moveaxis(x.reshape(*x.shape[:2], len(at.total), -1), (0, 1), (2, 3))
 
 
 def _by_group(theta: Float[np.ndarray, "adapted parts"], at: _OfGroups) -> Float[np.ndarray, "groups subjects adapted"]:
-    """Part the parameters by group."""
+    """Split the parameters by group."""
     return theta.T.reshape(len(at.total), -1, _N)

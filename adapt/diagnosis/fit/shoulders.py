@@ -1,4 +1,4 @@
-"""The measured postures of all subjects as flat rows, and whose and of which kind of motion they are."""
+"""Measured postures of all subjects as flat rows, with the subject and the kind of motion of each row."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,17 +12,17 @@ from motions.errors import InputError
 from motions.table import FEWEST_ANGLES, Motions, person_of
 
 FEWEST_POSTURES = 4
-"""A subject with fewer says less than its six adapted parameters take up."""
+"""Smallest number of postures of a subject: fewer hold less information than its six adapted parameters take up."""
 
 _STEP_DEG = 10.0
-"""Of elevation, that one posture more stands for: those of most files are as far apart."""
+"""Step in elevation equal to one posture number: the postures of most files are as far apart."""
 
 _LEAST_RANGE_DEG = 20.0
-"""Of elevation along a motion, from which it says where a posture is."""
+"""Smallest range of elevation along a motion at which elevation locates a posture."""
 
 MOST_POSTURES = 20
-"""Of a motion of a shoulder: some 7 degrees of elevation apart. What no cause explains is alike within 40, so that more
-say the same, and neighbouring frames have the same noise."""
+"""Largest number of postures of one motion of a shoulder, some 7 degrees of elevation apart. The unexplained part is
+alike within 40 degrees, so that more postures are redundant, and neighbouring frames have the same noise."""
 
 
 @dataclass(frozen=True)
@@ -31,47 +31,47 @@ class Shoulders:
 
     motions: Motions
     angles: Float[np.ndarray, "6 rows"]
-    """Rad; the published mean at rest where not measured."""
+    """Measured angles, rad; the published mean at rest where not measured."""
     measured: Bool[np.ndarray, "6 rows"]
     subject: Int[np.ndarray, " rows"]
     motion: Int[np.ndarray, " rows"]
-    """Kind of motion, by number."""
+    """Number of the kind of motion."""
     subjects: tuple[str, ...]
     kinds: tuple[str, ...]
-    """Of motions, in the order of their names."""
+    """Names of the kinds of motion, sorted."""
     person: Int[np.ndarray, " subjects"]
-    """Left and right of one person have one number."""
+    """Person number of each subject; left and right of one person have the same number."""
 
     @property
     def weights(self) -> Float[np.ndarray, " rows"]:
-        """1 over the measured angles of each posture: of |y|^2 in J_p (deg^2)."""
+        """Weights of ``|y|^2`` in J_p (deg^2): 1 over the number of measured angles of each posture."""
         return 1.0 / self.measured.sum(axis=0)
 
     @property
     def persons(self) -> int:
-        """How many persons there are."""
+        """Number of persons."""
         return int(self.person.max()) + 1
 
     def rows_of(self, subject: int, motion: int | None = None) -> Int[np.ndarray, " chosen"]:
-        """Find the rows of a subject, in all or in one kind of motion."""
+        """Find the rows of a subject, in all kinds of motion or in one."""
         return np.flatnonzero((self.subject == subject) & (True if motion is None else self.motion == motion))
 
     @cached_property
     def course_deg(self) -> Float[np.ndarray, "2 rows"]:
-        """Where each posture is along its motion: the elevation of the arm, and beside it the number of the posture
-        times 10 where a kind of motion hardly changes elevation, or has none."""
+        """Coordinates of each posture along its motion: elevation of the arm, and 10 times the number of the posture in
+        kinds of motion that hardly change elevation or have none (0 in others)."""
         elevation = self.motions.humerus_elevation_deg
         along = np.zeros(len(elevation))
         for motion in range(len(self.kinds)):
             every = [elevation[self.rows_of(subject, motion)] for subject in range(len(self.subjects))]
             ranges = [np.ptp(one) for one in every if len(one)]
-            if not np.median(ranges) >= _LEAST_RANGE_DEG:  # so too where it is NaN
+            if not np.median(ranges) >= _LEAST_RANGE_DEG:  # also where the median is NaN
                 rows = self.motion == motion
                 along[rows] = _STEP_DEG * self.motions.posture[rows]
         return np.stack([np.nan_to_num(elevation), along])
 
     def sequences(self) -> Iterator[Int[np.ndarray, " chosen"]]:
-        """Give the rows of each motion of each subject in the order of its postures."""
+        """Yield the rows of each motion of each subject in the order of its postures."""
         for subject in range(len(self.subjects)):
             for motion in range(len(self.kinds)):
                 rows = self.rows_of(subject, motion)
@@ -79,8 +79,10 @@ class Shoulders:
 
 
 def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:
-    """Lay out the postures that say something of the model, of the subjects that have enough; and why others are left
-    out. InputError where no subject has enough."""
+    """Lay out the postures with enough measured angles, of the subjects with enough such postures.
+
+    Return also the reason for each subject that is left out. InputError where no subject has enough postures.
+    """
     says = np.isfinite(motions.angles_deg).sum(axis=1) > FEWEST_ANGLES
     counts = {name: int(says[motions.subject == name].sum()) for name in motions.subjects}
     left_out = {
@@ -98,7 +100,7 @@ def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:
 
 
 def shoulders_of(motions: Motions) -> Shoulders:
-    """Lay out all postures."""
+    """Lay out all postures of the motions."""
     rows = posture_rows(motions)
     kinds = tuple(sorted(set(motions.motion.tolist())))
     persons = [person_of(name) for name in rows.subjects]
@@ -116,8 +118,10 @@ def shoulders_of(motions: Motions) -> Shoulders:
 
 
 def sampled(every: Shoulders) -> tuple[Shoulders, Int[np.ndarray, " rows"]]:
-    """Take at most ``MOST_POSTURES`` of each motion of each shoulder, evenly spaced and numbered anew; and find for
-    every posture the one taken that is next to it."""
+    """Take at most ``MOST_POSTURES`` of each motion of each shoulder, evenly spaced and renumbered.
+
+    Return also, for every posture, the index of the nearest posture among those taken.
+    """
     count = len(every.subject)
     nearest, posture = np.arange(count), every.motions.posture.copy()
     for rows in every.sequences():

@@ -1,1 +1,1 @@
-"""From fits to names: which causes predict, which replace one another, what is unexplained."""
+"""Inference from fits to names: causes that predict, their alternatives, and the unexplained share of the gap."""

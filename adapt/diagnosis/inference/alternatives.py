@@ -1,4 +1,4 @@
-"""Names that may stand in place of one another: what the data cannot tell apart."""
+"""Alternative names of a cause, which the data cannot distinguish."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -15,22 +15,22 @@ from models.adapted_parameters import ADAPTED
 _N = len(ADAPTED)
 
 LEVEL = 0.95
-"""A credible set holds the truth with this probability: of the names of a cause, and of sets of causes."""
+"""Probability that a credible set contains the truth, for the names of a cause and for sets of causes."""
 
 _LEAST_SHARE = 0.05
-"""A name that is less probable than this in its place is not worth a measurement."""
+"""Probability of a name in its place, below which the name is not worth a measurement."""
 
 
 class CredibleSet(NamedTuple):
-    """One active cause: its name in the set that is chosen, then the others that it may have, the most probable first;
-    and the probability of each in this place."""
+    """Names of an active cause: its name in the chosen set, then the alternatives, the most probable first; with the
+    probability of each name in this place."""
 
     names: tuple[str, ...]
     shares: tuple[float, ...]
 
 
 def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
-    """Find the causes that do as well in the place of one, by the sets that have each there."""
+    """Find the credible set in place of the cause ``own``; ``place``: fitted sets by the cause that they have there."""
     share = dict(zip(place, probabilities([node.resampled for node in place.values()]).tolist(), strict=True))
     names, kept, reached = [], [], 0.0
     for name in sorted(share, key=lambda name: (name != own, -share[name])):
@@ -45,27 +45,27 @@ def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
 JOINTS = ("ac_translation", "sc_translation")
 
 MOVES = (*JOINTS, "conoid_strain", "scapulothoracic_gap")
-"""What lets a constraint of the chain give way along a motion: joints, and what is of one constraint alone."""
+"""Causes that let a constraint of the chain give way along a motion: joints, and causes of a single constraint."""
 
 
 FRAMES = MappingProxyType({"clavicle_frame_bias": "clavicle_frame", "scapula_landmark_bias": "scapula_frame"})
-"""What turns the frame of a bone in every posture, and the sizes by which persons differ in it. Laboratories may differ
-by any angle: published zeros of the clavicle's axial rotation do by 35 degrees."""
+"""Causes that turn the frame of a bone in every posture, with the sizes (own bones) by which persons differ in it.
+Laboratories may differ by any angle: published zeros of the clavicle's axial rotation differ by 35 degrees."""
 
 
 _OF_A3 = ("conoid_strain", "clavicle_axial_estimate")
-"""What changes A3 along a motion and shows in no landmark on the bones: only an axial rotation that was measured by
-itself tells them apart."""
+"""Causes that change A3 along a motion and show in no landmark on the bones. Only an independently measured axial
+rotation distinguishes them."""
 
 
 def with_what_does_as_well(
     sets: Mapping[str, CredibleSet], causes: Mapping[str, str], only_angles: bool
 ) -> dict[str, CredibleSet]:
-    """Give every cause the other names that the measurement cannot tell from it, if they are candidates and no cause
-    beside it.
+    """Add to every cause the names that the measurement cannot distinguish from it, if they are candidates and not
+    named themselves.
 
-    Angles alone show which constraint gives way, and not what moves: what they named contradicted pins that saw the
-    joints (docs/diagnose.md). So a joint gets all of ``MOVES``. ``causes``: of the candidates.
+    Angles alone show which constraint gives way, and not what moves: joints named from angles contradicted bone pins
+    that measured the joints (docs/diagnose.md). So a joint gets all of ``MOVES``. ``causes``: causes of the candidates.
     """
     named = {one.names[0] for one in sets.values()}
     found = dict(sets)
@@ -77,15 +77,16 @@ def with_what_does_as_well(
 
 
 def similarity(at: Linearised, one: str, other: str) -> float:
-    """Compute the mean squared canonical correlation of what two candidates do to y, of the smaller one's directions,
-    after all that the adapted parameters of every subject take up; 0 of one that does nothing beyond them."""
+    """Compute the mean squared canonical correlation of the effects of two candidates on y, beyond the adapted
+    parameters of every subject. The mean is over the directions of the candidate with fewer; 0 if a candidate has no
+    effect beyond the parameters."""
     a, b = (_beyond_parameters(at, name) for name in (one, other))
     correlations = np.linalg.svd(a.T @ b, compute_uv=False)
     return float((correlations**2).sum() / max(1, min(a.shape[1], b.shape[1])))
 
 
 def _beyond_parameters(at: Linearised, name: str) -> Float[np.ndarray, "numbers directions"]:
-    """Orthonormal basis of what a candidate does to y beyond the adapted parameters of each subject."""
+    """Compute an orthonormal basis of a candidate's effect on y beyond the adapted parameters of each subject."""
     shoulders = at.joint.shoulders
     columns = at.Z[..., _N + at.joint.candidates.where((name,))].copy()
     for subject in range(len(shoulders.subjects)):

@@ -1,4 +1,4 @@
-"""How large the named causes are, with intervals, beside how large such effects are."""
+"""Sizes of the named causes with intervals, and the typical sizes of such effects."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -22,14 +22,14 @@ from models.effects.course import root_mean_square
 _DRAWS, _SEED = 400, 5
 
 _AS_MANY = 2.0
-"""A size is of twice as many persons, drawn anew. Its spread has both what one draw leaves open and what differs
-between draws: of so many, each is half of what it is of the persons that were measured, where the model is right
-(Huggins & Miller 2019, Robust inference and model criticism using bagged posteriors, arXiv 1912.07104)."""
+"""Factor on the number of persons in each draw. The spread of a size contains the variance within a draw and the
+variance between draws. With twice as many persons, each is half of its value for the measured persons where the model
+is right (Huggins & Miller 2019, Robust inference and model criticism using bagged posteriors, arXiv 1912.07104)."""
 
 
 def amplitudes(search: Search, hypothesis: Hypothesis, seen: Collection[str]) -> dict[str, CauseAmplitude]:
-    """Describe each effect of a set by its posterior, by name; of the causes that were ``seen``, by what positions
-    show."""
+    """Compute the size of each effect of a set from its posterior, by name; for causes that were ``seen``, from what
+    positions show."""
     if not hypothesis:
         return {}
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
@@ -51,9 +51,12 @@ def amplitudes(search: Search, hypothesis: Hypothesis, seen: Collection[str]) ->
 
 
 def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
-    """Draw the amplitudes of an effect that shoulders have in common from their posterior, whatever else is active and
-    whoever had been measured: as many with each of the persons drawn anew, and of these as many from each fitted set
-    with the effect as it is probable for them."""
+    """Draw the population amplitudes of an effect from their posterior, over all fitted sets with the effect and over
+    resampled persons.
+
+    Each draw of persons gives the same number of amplitudes, from each set in proportion to its probability for these
+    persons.
+    """
     generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
     within = [node for node in search.usable if name in node.hypothesis]
     share = probabilities_of_draws([node.resampled for node in within])
@@ -71,7 +74,7 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
 
 
 def draws_shown(search: Search, shown: Shown, name: str) -> Float[np.ndarray, "draws own"]:
-    """Draw the amplitudes of an effect that positions show, as many with each of the persons drawn anew."""
+    """Draw the amplitudes of an effect that positions show, the same number for each draw of persons."""
     generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
     (own,) = (place for effect, place in candidates.slices(shown.names) if effect.name == name)
     found = []
@@ -85,7 +88,7 @@ def _persons(search: Search) -> Float[np.ndarray, "draws subjects"]:
 
 
 def _drawn(given: Given, times, count: int, generator: np.random.Generator) -> Float[np.ndarray, "count own"]:
-    """Draw all amplitudes of a set, of shoulders that count so much each."""
+    """Draw all amplitudes of a set, for shoulders with the weights ``times``."""
     amplitude, root = given.amplitude_of(times)
     return amplitude + np.linalg.solve(root.T, generator.standard_normal((len(amplitude), count))).T
 
@@ -95,14 +98,14 @@ def share_of(
     a: Float[np.ndarray, " own"],
     columns: Float[np.ndarray, "own channels rows"],
 ) -> Float[np.ndarray, " some"]:
-    """Project the strengths u_s at all postures on those u of a: u_s'u / u'u. Below 0 is the other way."""
+    """Project the strengths u_s at all postures on the strengths u of a: u_s'u / u'u, negative if opposite."""
     flat = columns.reshape(len(a), -1)
     u = a @ flat
     return amplitudes @ (flat @ u) / (u @ u)
 
 
 def amplitude_without_size(effect: Effect) -> CauseAmplitude:
-    """Describe an effect that is active without showing in any gap: there is no size to adapt with."""
+    """Describe an effect that is active without showing in any gap, and so has no size to adapt with."""
     unknown = Interval(np.nan, np.nan, np.nan)
     typical = float(np.linalg.norm(effect.prior.scale))
     directions = dict.fromkeys(effect.directions, unknown)
@@ -112,7 +115,7 @@ def amplitude_without_size(effect: Effect) -> CauseAmplitude:
 
 
 def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
-    """Give by direction what landmarks say of a size, in the unit of the effect."""
+    """Return the size by landmarks of each direction with its 95 % interval, in the unit of the effect."""
     low, high = size.mean - NORMAL_95 * size.sd, size.mean + NORMAL_95 * size.sd
     return {
         direction: Interval(float(size.mean[k]), float(low[k]), float(high[k]))

@@ -1,24 +1,26 @@
-"""Is the clavicle's axial rotation measured, or computed from the other five angles?
+"""Test whether the clavicle's axial rotation was measured, or computed from the other five angles.
 
 Landmarks give the clavicle no third axis, and many laboratories compute its axial rotation: as the turn that moves the
-SC and AC joints least from rest, the AC joint alone (van der Helm & Pronk 1995), or by a regression. By whatever rule
-and from whatever rest, it is then a function of the angles in the file, their noise included; a measured rotation has
-noise of its own.
+SC and AC joints least from rest, or the AC joint alone (van der Helm & Pronk 1995), or by a regression. With any rule
+and any rest, the computed rotation is a function of the angles in the file, including their noise; a measured rotation
+has noise of its own.
 
-Third differences along the motions take what is smooth away (``fit.noise``), and with D for them
+Third differences D along the motions remove smooth courses (``fit.noise``), and for the axial rotation c
 
     D c = D p(a) + e,   p a polynomial of second order in the other five angles a, the same for all subjects
 
-e has the variance s^2 of what is the rotation's own in c. In its place each of the other five has s_j^2 beside the
-other four. That c has noise of its own, at least a third of the least of theirs, is rejected at 1 % by
+The variance s^2 of e is what c has of its own. Each of the other five angles has a variance s_j^2 in the same way,
+given the other four. The hypothesis that c has noise of its own, with an SD of at least a third of the smallest s_j, is
+rejected at 1 % by
 
     F = s^2 / (s_min^2 / 9),   p-value P(F(k n, k n_min) <= F)
 
-n: rows less coefficients; k = 0.36, for differences that overlap. A rotation that is the same in all postures is
-computed too. What cannot be seen: a rule that was applied to angles without noise or smoothed, where the file has
-others; a rotation that got noise afterwards; a course with corners put into the other angles afterwards, where it is
-rougher than their noise; fewer postures than some 30 (the polynomial has 20 coefficients).
-It may differ from the bone's rotation by a constant alone, so no gap shows that it is an estimate.
+n: rows less coefficients; k = 0.36, because the differences overlap. A rotation that is the same in all postures counts
+as computed too. The test cannot detect a rule that was applied to noise-free or smoothed angles where the file has
+other angles; a rotation that got noise afterwards; a computed rotation where a course with corners, rougher than the
+noise, was added to the other angles afterwards; or a computed rotation in fewer than some 30 postures (the polynomial
+has 20 coefficients). A computed rotation may differ from the bone's rotation by a constant alone, so no gap shows that
+it is an estimate.
 """
 
 from collections.abc import Collection, Sequence
@@ -38,11 +40,11 @@ _TURNED = "clavicle_frame_bias"
 AXIAL = ANGLES.index("clavicle_x")
 
 _LEAST_NOISE = 1.0 / 3.0
-"""Of a measured rotation, of the least noise of the other angles: pins have 0.9 to 2.5 of it. Of the rules above 0.01
-to 0.1 is left, for they are no polynomials."""
+"""Smallest SD of the noise of a measured rotation, relative to the least noisy other angle: bone pins have 0.9 to 2.5.
+The rules above have 0.01 to 0.1, because they are no polynomials."""
 
 _ERROR = 0.01
-"""How often a rotation with as little noise as that is taken for a computed one."""
+"""Significance level: frequency with which a rotation with this smallest noise is taken for a computed one."""
 
 
 class _LeftOver(NamedTuple):
@@ -51,15 +53,15 @@ class _LeftOver(NamedTuple):
 
 
 def is_its_zero(cause: str, known: Collection[str]) -> bool:
-    """Tell whether a cause comes with a computed rotation that is ``known``.
+    """Check whether a cause is a consequence of a computed rotation that is ``known``.
 
-    It begins at a rest of its own: the clavicle's frame is turned by as much in every posture.
+    A computed rotation starts at its own rest, so the clavicle's frame is turned by the same angle in every posture.
     """
     return cause == _TURNED and ESTIMATE in known
 
 
 def axial_is_computed(shoulders: Shoulders) -> bool:
-    """Tell whether the axial rotation is a function of the other five angles in the noise, all subjects together."""
+    """Check whether the axial rotation is a function of the other five angles in its noise too, over all subjects."""
     measured = np.asarray(shoulders.measured.all(axis=0))
     known = (rows[measured[rows]] for rows in shoulders.sequences())
     sequences = [rows for rows in known if len(rows) > ORDER]
@@ -73,7 +75,7 @@ def axial_is_computed(shoulders: Shoulders) -> bool:
 
 
 def _p_value(axial: _LeftOver, least: _LeftOver) -> float:
-    from scipy.special import fdtr  # loads slowly: not for every command
+    from scipy.special import fdtr  # slow import that not every command needs
 
     ratio = axial.variance / (_LEAST_NOISE**2 * least.variance)
     return float(fdtr(INDEPENDENT * axial.freedom, INDEPENDENT * least.freedom, ratio))
@@ -84,7 +86,7 @@ def _left_over(
     others: Float[np.ndarray, "others rows"],
     sequences: Sequence[Int[np.ndarray, " own"]],
 ) -> _LeftOver:
-    """What third differences of an angle have that is no polynomial in the others: its variance, rad^2."""
+    """Compute the variance (rad^2) of third differences of an angle that no polynomial in the other angles explains."""
     terms = _polynomial(others)
     A = np.concatenate([np.diff(terms[:, rows], ORDER, axis=1).T for rows in sequences])
     b = np.concatenate([np.diff(angle[rows], ORDER) for rows in sequences])
@@ -94,7 +96,7 @@ def _left_over(
 
 
 def _polynomial(angles: Float[np.ndarray, "n rows"]) -> Float[np.ndarray, "terms rows"]:
-    """All terms of first and second order, about the mean."""
+    """Compute all terms of first and second order, about the mean."""
     away = angles - angles.mean(axis=1, keepdims=True)
     first, second = np.triu_indices(len(away))
     return np.concatenate([away, away[first] * away[second]])

@@ -1,10 +1,10 @@
-"""Persons and motions that might have been measured, by a Bayesian bootstrap: intervals, and BayesBag.
+"""Resampling of persons and motions by a Bayesian bootstrap: intervals, and BayesBag.
 
-A draw counts each person more or less (Rubin 1981, The Annals of Statistics 9:130-134, doi 10.1214/aos/1176345338): of
-three, drawing with replacement would mostly leave one out. A model that is somewhat wrong, as every model of a shoulder
-is, is too sure of which set of causes is the right one. So probabilities are averaged over persons drawn anew (Huggins
-& Miller 2023, Reproducible model selection using bagged posteriors, Bayesian Analysis 18:79-104, doi
-10.1214/21-BA1301).
+Each draw gives every person a random weight (Rubin 1981, The Annals of Statistics 9:130-134, doi
+10.1214/aos/1176345338); of three persons, sampling with replacement would mostly leave one out. A slightly wrong model,
+as every model of a shoulder is, gives too high a probability to a single set of causes. So probabilities are averaged
+over resampled persons (Huggins & Miller 2023, Reproducible model selection using bagged posteriors, Bayesian Analysis
+18:79-104, doi 10.1214/21-BA1301).
 """
 
 from collections.abc import Sequence
@@ -19,11 +19,11 @@ _DRAWS, _SEED = 400, 11
 _PERCENT = (2.5, 97.5)
 
 _BAGS, _BAGS_SEED = 50, 7
-"""A probability of 0.8 is then known to 0.04 or better, and the same data give the same answer."""
+"""Number of draws, which gives a probability of 0.8 to within 0.04 or better, and a seed for reproducible answers."""
 
 
 def interval(values: Float[np.ndarray, " folds"], person: np.ndarray) -> Interval:
-    """Average over folds, with a 95 % interval; unknown folds are left out."""
+    """Average over folds, with a 95 % interval; folds without a value are left out."""
     known = np.isfinite(values)
     if not known.any():
         return Interval(np.nan, np.nan, np.nan)
@@ -34,7 +34,7 @@ def interval(values: Float[np.ndarray, " folds"], person: np.ndarray) -> Interva
 
 
 def fold_weights(person: np.ndarray, draws: int, seed: int) -> Float[np.ndarray, "draws folds"]:
-    """Draw weights of the folds, those of one person together and each on its own; each draw sums to their number."""
+    """Draw random weights of the folds, per person and per fold; each draw sums to the number of folds."""
     generator = np.random.default_rng(seed)
     count, persons = len(person), int(person.max()) + 1
     weights = generator.dirichlet(np.ones(count), draws)
@@ -51,7 +51,7 @@ def by_bone(gaps: Float[np.ndarray, "folds 6"], person: Sequence[int] | np.ndarr
 
 
 def known_mean(gaps: Float[np.ndarray, "n some"]) -> Float[np.ndarray, " n"]:
-    """Average what is known of each row; NaN where nothing is."""
+    """Average the known values of each row; NaN where no value is known."""
     known = np.isfinite(gaps)
     count = known.sum(axis=1)
     total = np.where(known, gaps, 0.0).sum(axis=1)
@@ -61,8 +61,8 @@ def known_mean(gaps: Float[np.ndarray, "n some"]) -> Float[np.ndarray, " n"]:
 def resampled_persons(
     person: Int[np.ndarray, " subjects"], as_many: float = 1.0
 ) -> Float[np.ndarray, "draws subjects"]:
-    """Draw how much the shoulders of each person count: ``as_many`` on average, and all persons that times as much as
-    they are many, each draw alike as if so many times as many had been drawn. One person always counts 1."""
+    """Draw weights of the shoulders of each person, with mean ``as_many``, as if ``as_many`` times as many persons had
+    been drawn. The weights of all persons sum to ``as_many`` times their number; a single person has weight 1."""
     persons = int(person.max()) + 1
     as_many = as_many if persons > 1 else 1.0
     weights = np.random.default_rng(_BAGS_SEED).dirichlet(np.full(persons, as_many), _BAGS)

@@ -1,5 +1,5 @@
-"""Which candidates do the same to these data, what these data lack, and which measurement would tell the names of a
-cause apart."""
+"""Candidates with the same effect on these data, what the data lack, and measurements that would distinguish the names
+of a cause."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.candidates import build_design
 from adapt.diagnosis.fit.discrepancy import Whitening
 from adapt.diagnosis.fit.joint_fit import Linearised
 from adapt.diagnosis.fit.positions.position_evidence import position_evidence
@@ -20,13 +20,13 @@ from models.person.family import AnyModel
 from motions.table import ANGLES
 
 _SAME = 0.95
-"""Canonical correlation squared from which two candidates do the same to the data."""
+"""Squared canonical correlation from which two candidates count as having the same effect on the data."""
 
 _TWICE = 2.0
 
 
 def indistinguishable(at: Linearised) -> list[list[str]]:
-    """Group the candidates that do the same to these data, after the adapted parameters."""
+    """Group the candidates with the same effect on these data, beyond the adapted parameters."""
     names = [effect.name for effect in at.joint.candidates.effects]
     groups: list[list[str]] = []
     for name in names:
@@ -43,7 +43,7 @@ _MORE_PERSONS = "more persons: a cause is named if it predicts persons that it w
 
 
 def lacking(kinds: int, persons: int) -> tuple[str, ...]:
-    """Say what the data lack, whatever is active."""
+    """List what the data lack, whatever is active."""
     return (
         *([_ANOTHER_MOTION] if kinds == 1 else []),
         *([_MORE_PERSONS] if persons == 1 else []),
@@ -51,15 +51,15 @@ def lacking(kinds: int, persons: int) -> tuple[str, ...]:
 
 
 _LANDMARKS = (("SC",), ("SC", "AC"), ("SC", "AC", "TS", "AI"))
-"""What may be palpated next; each beside those that carry it."""
+"""Landmarks to palpate next, each with the landmarks that carry it."""
 
 
 def propose(search: Search, model: AnyModel, named: Node, causes: Sequence[tuple[str, ...]]) -> list[Proposal]:
-    """Say what would tell the first two names of each cause apart: more persons, more of the motion that tells most, or
-    positions of landmarks where none are data.
+    """Propose measurements that would distinguish the first two names of each cause: more persons, more of the most
+    informative motion, or positions of landmarks where positions are no data.
 
-    If one name is right, each shoulder is expected to add half of the squared difference of the two fits there to the
-    log evidence, in units of what neither explains.
+    If one name is right, each shoulder is expected to add half of the whitened squared difference of the two fits to
+    the log evidence.
     """
     shoulders, found = search.joint.shoulders, []
     for names in causes:
@@ -87,7 +87,7 @@ def propose(search: Search, model: AnyModel, named: Node, causes: Sequence[tuple
 
 
 def _evidence(search: Search, one: Node, other: Node) -> Float[np.ndarray, " rows"]:
-    """Half of the squared difference of two fits at each posture, whitened."""
+    """Compute half of the whitened squared difference of two fits at each posture."""
     difference, white, shown = one.posterior.y - other.posterior.y, search.likelihood.whitening, search.likelihood.shown
     if shown:
         every = search.joint.candidates
@@ -105,11 +105,11 @@ def _half_squares(difference: Float[np.ndarray, "rows 3"], white: Whitening) -> 
 
 
 def _with_landmarks(search: Search, model: AnyModel, one: Node, other: Node, landmarks: Sequence[str]) -> float:
-    """Half of the squared difference of what two fits say of positions, the constants of each person left open, and of
-    y with the noise that these show."""
+    """Compute half of the whitened squared differences of two fits in positions, with the constants of each person
+    free, and in y, with the noise that the positions show."""
     shoulders, every = search.joint.shoulders, search.joint.candidates
     names = every.ordered((*one.hypothesis, *other.hypothesis))
-    candidates = lay_out([every.effect(name) for name in names], shoulders)
+    candidates = build_design([every.effect(name) for name in names], shoulders)
     difference = np.zeros(len(candidates.scale))
     for node, sign in ((one, 1.0), (other, -1.0)):
         difference[candidates.where(node.hypothesis)] += sign * node.posterior.amplitude
@@ -124,7 +124,7 @@ def _with_landmarks(search: Search, model: AnyModel, one: Node, other: Node, lan
 
 
 def _with(search: Search, named: Node, own: str, other: str) -> Node | None:
-    """The best fitted set that has the other cause in the place of its own."""
+    """Find the best fitted set that has the cause ``other`` in place of ``own``."""
     cause = search.joint.candidates.causes
     wanted = {cause[name] for name in named.hypothesis} - {own} | {other}
     nodes = [node for node in search.usable if {cause[name] for name in node.hypothesis} == wanted]

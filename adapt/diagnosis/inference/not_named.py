@@ -1,4 +1,4 @@
-"""Why a probable cause is not named."""
+"""Reasons why a probable cause is not named."""
 
 from collections.abc import Mapping
 
@@ -22,11 +22,11 @@ def why_not_named(
     unexplained: bool,
     known: Hypothesis = (),
 ) -> dict[str, str]:
-    """Say of each cause that is probably active and not named what speaks against it.
+    """Return the reason against each cause that is probably active but not named.
 
-    ``causes``: of the effects; ``named``: before, ``kept``: after they were held against own bones;
-    ``constants``: which of them are the same in every posture; ``unexplained``: the best set is rejected; ``known``: to
-    be active.
+    ``causes``: cause of each effect; ``named`` and ``kept``: causes before and after the test against own bones;
+    ``constants``: the named causes that are the same in every posture; ``unexplained``: True where the best set is
+    rejected; ``known``: causes known to be active.
     """
     before, after, same = ({causes[name] for name in names} for names in (named, kept, constants))
     found = {}

@@ -1,13 +1,13 @@
-"""The search over sets of causes: a beam of posterior modes, each widened by what the linear model says of one more,
-and then the sets around the best.
+"""Search over sets of causes: a beam of posterior modes, each widened by one cause with the linear model, and then the
+sets around the best sets.
 
     V(H) = log sum_k w_k evidence_k(H) + |H| log(expected / candidates)
 
-The evidence is that of ``fit.posterior``, with each belief k about what no cause explains (``Belief``): noise alone,
-what shoulders do each in its own way, what all do alike. w is that of two more causes for the last, which acts
-like one that is not in the list; the others are alike. Their variances are those that the best set of a first pass
-leaves, in which noise alone is left, then those of the best set with these; and of what all do alike those besides that
-are left where nothing is named.
+The evidence is computed as in ``fit.posterior``, with each belief k about the unexplained part (``Belief``): noise
+alone, something of each shoulder, or something common to all shoulders. The first two beliefs have equal weights w. The
+common part acts like a cause that is not in the list, so the weight of its belief is that of two more causes. The
+variances of the beliefs are estimated from what the best set leaves unexplained: first of a pass with noise alone, then
+of a pass with the variances found before. The common belief is also used with the variances where nothing is named.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
+from adapt.diagnosis.fit.candidates import Hypothesis, build_design, without
 from adapt.diagnosis.fit.discrepancy import NOTHING_OF, TYPICAL, Belief, Discrepancy, log_weights
 from adapt.diagnosis.fit.evidence import Evidence, Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
@@ -37,98 +37,98 @@ from models.person.family import AnyModel
 from motions.rotations import DEG
 
 EXPECTED_CAUSES = 2.0
-"""Of all candidates, before any data."""
+"""Expected number of active causes among all candidates, before any data."""
 
 _WIDTHS = ((1, 10, 10), (4, 4, 10), (3, 4, 8), (2, 4, 5), (1, 3, 3))
-"""At each number of causes: sets to widen, candidates to add to each, and sets to fit."""
+"""Beam widths per number of causes: sets to widen, candidates to add to each set, and sets to fit."""
 
 _HOPELESS = 3.0
-"""A level that is worse than the best by this much in V ends the search: an odds of 20."""
+"""Difference in V between the best set so far and the best of a level (odds of 20), beyond which a beam ends."""
 
 _MOST_PASSES = 4
-"""With what the best set leaves; most end after two, with the same set."""
+"""Largest number of passes with variances learnt from the best set; most searches end after two, at the same set."""
 
 _AROUND, _FITTED_AROUND = 3, 8
-"""Best sets around which others are looked for, and how many of these are fitted at once."""
+"""Number of best sets whose neighbours are searched, and number of neighbours that are fitted in one batch."""
 
 _TRIED = 4
-"""So many other causes are fitted in the place of one."""
+"""Number of alternatives that are fitted in place of a cause."""
 
 _KEPT = 20
-"""Sets that a pass hands to the next."""
+"""Number of sets that a pass hands to the next pass."""
 
 _WORST = -1e9
 
 
 class Node(NamedTuple):
-    """One hypothesis, fitted."""
+    """Fitted hypothesis."""
 
     hypothesis: Hypothesis
     posterior: Posterior
     by_belief: Float[np.ndarray, "beliefs draws"]
-    """log w_k evidence_k + |H| log odds: of all persons, and of persons drawn anew."""
+    """Values log w_k evidence_k + |H| log odds: first for all persons, then for each draw of persons."""
 
     @property
     def value(self) -> float:
-        """V."""
+        """V for all persons."""
         return float(np.logaddexp.reduce(self.by_belief[:, 0]))
 
     @property
     def resampled(self) -> Float[np.ndarray, " draws"]:
-        """V of persons drawn anew."""
+        """V for each draw of persons."""
         return np.logaddexp.reduce(self.by_belief[:, 1:])
 
 
 class Hope(NamedTuple):
-    """What the linear model says of a set."""
+    """Prediction for a set by the linear model around the mode of another set."""
 
     value: float
-    """V."""
+    """Predicted V."""
     hypothesis: Hypothesis
     start: Node
-    """The set in whose mode that is, where a fit begins."""
+    """Set at whose mode the prediction is made, the starting point of a fit."""
 
 
 @dataclass
 class Search:
-    """All hypotheses that were fitted, by name."""
+    """Search over sets of causes, with all fitted hypotheses."""
 
     joint: JointFit
     folds: Folds
     progress: Callable[[str], None] = lambda _: None
     known: Hypothesis = ()
-    """Causes that are active whatever the gap says."""
+    """Causes that are known to be active, in every set of the search."""
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
     predicted: dict[tuple[Hypothesis, Hypothesis], float] = field(default_factory=dict)
-    """V of sets from the modes of others, by both names."""
+    """Cache of V predicted from the mode of another set, by the names of both sets."""
     posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
-    """Of the few sets of which it was asked what they predict (``mode``)."""
+    """Cache of the modes of the few sets whose predictions were needed (``mode``)."""
     discrepancy: Discrepancy = TYPICAL
-    """Of the belief that is most probable with the best set; modes are found with it."""
+    """Discrepancy of the belief that is most probable with the best set, used to find modes."""
     beliefs: tuple[Belief, ...] = (Belief("common", TYPICAL),)
     learnt: Hypothesis = ()
-    """The set that left what the beliefs say."""
+    """Set from whose residuals the beliefs were learnt."""
     likelihoods: dict[tuple[Discrepancy, str | None], Likelihood] = field(default_factory=dict)
-    """By the discrepancy, and what is held out of them."""
+    """Cache of likelihoods by the discrepancy and the held-out motion."""
 
     @cached_property
     def log_odds(self) -> float:
-        """Of one more cause, before any data."""
+        """Log odds of one more cause, before any data."""
         causes = set(self.joint.candidates.causes.values())
         return float(np.log(min(0.5, EXPECTED_CAUSES / max(1, len(causes)))))
 
     @cached_property
     def times(self) -> Float[np.ndarray, "draws subjects"]:
-        """How much each shoulder counts, of persons drawn anew."""
+        """Weight of each shoulder in each draw of persons."""
         return resampled_persons(self.joint.shoulders.person)
 
     @property
     def likelihood(self) -> Likelihood:
-        """With the discrepancy as it is known now."""
+        """Likelihood with the present discrepancy."""
         return self.likelihood_without(None)
 
     def likelihood_without(self, motion: str | None) -> Likelihood:
-        """Hold a motion out."""
+        """Return the likelihood with a motion held out."""
         return self._with(self.discrepancy, motion)
 
     def _with(self, discrepancy: Discrepancy, motion: str | None = None) -> Likelihood:
@@ -143,7 +143,8 @@ class Search:
         return modes(self.joint, self.likelihood, hypotheses, thetas_mm, amplitudes, beliefs)
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
-        """Fit a hypothesis, from the fit of another one; without one, what is known."""
+        """Fit a hypothesis from the fit ``start`` of another one, or else from the adaptation without causes and from
+        the parameter set."""
         hypothesis = self.joint.candidates.ordered(names)
         if hypothesis in self.nodes:
             return self.nodes[hypothesis]
@@ -155,8 +156,10 @@ class Search:
         return self.fit_all([(hypothesis, start)])[0]
 
     def fit_all(self, starts: Sequence[tuple[Hypothesis, Node]]) -> list[Node]:
-        """Fit hypotheses side by side, each from the fit of another one and from that of what is known: of measured
-        shoulders a set has several modes, which are up to 30 nats apart, and some starts lead nowhere."""
+        """Fit hypotheses in one batch, each from the fit of another hypothesis and from the fit of the known causes.
+
+        For measured shoulders a set has several modes, up to 30 nats apart, and some starts do not converge.
+        """
         missing = {hypothesis: start for hypothesis, start in starts if hypothesis not in self.nodes}
         if missing:
             known = self.nodes[self.known]
@@ -168,14 +171,14 @@ class Search:
         return [self.nodes[hypothesis] for hypothesis, _ in starts]
 
     def _amplitude_at(self, start: Node, hypothesis: Hypothesis) -> Float[np.ndarray, " own"]:
-        """Where the amplitudes of a hypothesis begin: as in the fit, else where they are believed to be."""
+        """Return starting amplitudes of a hypothesis: as in the fit ``start``, or else the prior mean."""
         candidates = self.joint.candidates
         a = candidates.mean.copy()
         a[candidates.where(start.hypothesis)] = start.posterior.amplitude
         return a[candidates.where(hypothesis)]
 
     def _add(self, posterior: Posterior) -> Node:
-        """Add a fitted hypothesis, unless another of its modes has more evidence."""
+        """Add a fitted hypothesis, unless another mode of the hypothesis has more evidence."""
         hypothesis = posterior.hypothesis
         by_belief = np.full((len(self.beliefs), 1 + len(self.times)), _WORST)
         amplitude = self.given(posterior, hypothesis).amplitude
@@ -190,8 +193,8 @@ class Search:
     def _by_belief(
         self, posterior: Posterior, hypothesis: Hypothesis, times: Float[np.ndarray, "draws subjects"]
     ) -> Float[np.ndarray, "beliefs 1+draws"]:
-        """Compute what V is of with each belief, in the linear model around the mode of a set within it: of all
-        persons, and of those that count so much."""
+        """Compute the terms of V for each belief, for all persons and for the weights ``times``, in the linear model
+        around the mode of a subset."""
         candidates = self.joint.candidates
         where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
         believed = candidates.mean[where], candidates.scale[where]
@@ -200,21 +203,21 @@ class Search:
         return np.array(found) + len(hypothesis) * self.log_odds + log_weights(self.beliefs, self.log_odds)[:, None]
 
     def by_belief(self, near: Node, hypothesis: Hypothesis) -> Float[np.ndarray, "beliefs draws"]:
-        """Predict those of persons drawn anew from the mode of another set."""
+        """Predict the terms of V for each belief and draw of persons from the mode of another set."""
         return self._by_belief(near.posterior, hypothesis, self.times)[:, 1:]
 
     def _value(self, posterior: Posterior, hypothesis: Hypothesis) -> float:
-        """Compute V of a set in the linear model around the mode of one within it."""
+        """Compute V of a set in the linear model around the mode of a subset."""
         return float(np.logaddexp.reduce(self._by_belief(posterior, hypothesis, self.times[:0])[:, 0]))
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
-        """Give a set, in the linear model around the mode of one within it."""
+        """Return the evidence given a set of causes, in the linear model around the mode of a subset."""
         candidates = self.joint.candidates
         where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
         return posterior.evidence.given(where, here[where], candidates.mean[where], candidates.scale[where])
 
     def widened(self, node: Node) -> list[Hope]:
-        """Predict every set with one more cause, the best first."""
+        """Predict V of every set with one more cause, the best first."""
         found = []
         for hypothesis in self._with_one_more(node.hypothesis):
             known = self.nodes.get(hypothesis)
@@ -222,21 +225,22 @@ class Search:
         return sorted(found, key=lambda one: -one.value)
 
     def _with_one_more(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """Every set with one more cause."""
+        """List every set with one more cause."""
         candidates = self.joint.candidates
         causes = {candidates.causes[name] for name in hypothesis}
         more = (one.name for one in candidates.effects if one.cause not in causes)
         return [candidates.ordered((*hypothesis, name)) for name in more]
 
     def _predicted(self, node: Node, hypothesis: Hypothesis) -> float:
-        """Predict V of a set from the mode of another one, once."""
+        """Predict V of a set from the mode of another set, and cache it."""
         both = node.hypothesis, hypothesis
         if both not in self.predicted:
             self.predicted[both] = self._value(node.posterior, hypothesis)
         return self.predicted[both]
 
     def beam(self, first: Sequence[str] = ()) -> None:
-        """Search upwards from what is known, or beside it from a cause that no straight line leads to."""
+        """Search from the known causes to larger sets. ``first``: a further cause to start from, for causes that the
+        linear model cannot predict from amplitude 0."""
         known = self.fit(self.known, None)
         level = [self.fit((*self.known, *first), known)]
         best = level[0].value
@@ -251,9 +255,12 @@ class Search:
             best = max(best, highest)
 
     def run(self) -> "Search":
-        """Search from what is known, and beside it from each effect whose size has been measured: as if noise alone
-        were left, as large as all that nothing explains where nothing is named; again with what the best set leaves;
-        and around the best sets with what the best of these leaves, until it is the same."""
+        """Run the whole search.
+
+        The first beams, from the known causes and from each effect of measured size beside them, treat all that is
+        unexplained where nothing is named as noise. Further beams use the variances that the best set leaves. Searches
+        around the best sets follow, with variances learnt anew, until the best set stays the same.
+        """
         first = self.fit(self.known, None)
         smooth = likeliest(self.joint, first.posterior)
         noise = smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
@@ -278,8 +285,10 @@ class Search:
                 self.beam((effect.name,))
 
     def around(self) -> None:
-        """Fit what has one cause more, less or in the place of another than the best sets, the most hopeful first,
-        until none is better: two that belong together do not come one after the other."""
+        """Fit the most promising neighbours of the best sets (one cause more, less or replaced) until none is better.
+
+        The beam misses pairs of causes that improve V only together.
+        """
         while True:
             best = self.best.value
             beside = [one for node in _highest(self.usable, _AROUND) for one in self.beside(node)]
@@ -288,14 +297,16 @@ class Search:
                 return
 
     def beside(self, node: Node) -> list[Hope]:
-        """Predict every set that is not fitted with one cause more, less, or in the place of another than one has."""
+        """Predict V of the neighbours of a set that are not fitted: one cause more, less or replaced."""
         less = [without(node.hypothesis, name) for name in node.hypothesis if name not in self.known]
         sets = {*less, *(one for kept in (node.hypothesis, *less) for one in self._with_one_more(kept))}
         return [Hope(self._predicted(node, one), one, node) for one in sorted(sets.difference(self.nodes))]
 
     def _place_landmarks(self, first: Node, discrepancy: Discrepancy) -> None:
-        """Take the landmarks of the scapula for carried by its marker, and not on the bone, where a cause that turns
-        the measured frame in the bone explains more so."""
+        """Decide whether the landmarks of the scapula are on the bone or carried by its marker.
+
+        They count as carried where a cause that turns the measured frame in the bone then explains more.
+        """
         candidates, rows = self.joint.candidates, self.joint.positions
         turning = [one.name for one in candidates.effects if one.cause in TURN_THE_SCAPULA_FRAME]
         if rows and rows.landmarks and turning:
@@ -303,8 +314,10 @@ class Search:
             self._take_the_likelier([rows, rows.carried(candidates)], first, sets, discrepancy)
 
     def _share_noise(self, first: Node, discrepancy: Discrepancy) -> None:
-        """Take the noise of the angles for what the landmarks are compared with as well, where that explains more: not
-        where one marker gave both."""
+        """Let the positions share the noise of the angles where this explains more.
+
+        This is not so where one marker gave both angles and landmarks.
+        """
         rows = self.joint.positions
         if rows:
             both = [rows, replace(rows, noise_in_y=self.noise_in_y)]
@@ -313,7 +326,7 @@ class Search:
     def _take_the_likelier(
         self, rows: Sequence[PositionRows], first: Node, sets: Sequence[Hypothesis], discrepancy: Discrepancy
     ) -> None:
-        """Take positions as they are the most probable with the best of some sets."""
+        """Choose the position rows that are most probable with the best of some sets."""
         joints, values = [replace(self.joint, positions=one) for one in rows], []
         for joint in joints:
             at = replace(first.posterior, by_belief=(self._linear(Likelihood.of(joint, discrepancy), first.posterior),))
@@ -322,14 +335,14 @@ class Search:
         self.likelihoods.clear()
 
     def _linear(self, likelihood: Likelihood, at: Posterior) -> Evidence:
-        """Compute the evidence of all candidates in the linear model around a mode."""
+        """Compute the evidence for all candidates in the linear model around a mode."""
         candidates = self.joint.candidates
         here = candidates.among_all(at.hypothesis, at.amplitude)
         return likelihood.evidence(at.theta_mm, at.y, at.Z, np.arange(len(candidates.scale)), here)
 
     def _learn(self, best: Node, smooth: Discrepancy) -> None:
-        """Estimate what the best set leaves to each belief, and fit the best sets anew with them; where nothing is
-        named ``smooth`` is left."""
+        """Estimate the discrepancy of each belief from the best set, and refit the best sets. ``smooth``: discrepancy
+        where nothing is named."""
         self.learnt = best.hypothesis
         before = {one.left: one.discrepancy for one in reversed(self.beliefs)}
         beliefs = [
@@ -341,7 +354,7 @@ class Search:
         self._believe(beliefs)
 
     def _believe(self, beliefs: Sequence[Belief]) -> None:
-        """Fit the best sets anew with these beliefs."""
+        """Refit the best sets with these beliefs."""
         best = _highest(self.usable, _KEPT)
         before = list({one.hypothesis: one for one in (*best, self.nodes[self.known])}.values())
         self.beliefs = tuple(beliefs)
@@ -353,15 +366,15 @@ class Search:
             self._add(posterior)
 
     def _most_probable(self, node: Node) -> Discrepancy:
-        """Find the belief that is most probable with a set."""
+        """Find the discrepancy of the belief that is most probable with a set."""
         at = node.posterior
         by_belief = tuple(self._linear(self._with(one.discrepancy), at) for one in self.beliefs)
         found = self._by_belief(replace(at, by_belief=by_belief), node.hypothesis, self.times[:0])[:, 0]
         return self.beliefs[int(np.argmax(found))].discrepancy
 
     def in_place_of(self, node: Node, own: str) -> dict[str, Node]:
-        """Fit the most hopeful sets with another cause in the place of one; the best of each cause, its own among
-        them."""
+        """Fit the most promising sets with another cause in place of ``own``; return the best set by cause, including
+        the cause of ``own``."""
         less = self.without(node, own)
         self.fit_all([(hypothesis, start) for _, hypothesis, start in self.widened(less)[:_TRIED]])
         others = set(less.hypothesis)
@@ -373,13 +386,13 @@ class Search:
         return found
 
     def without(self, node: Node, name: str) -> Node:
-        """Fit a set with one cause less, from the largest set within it, or from itself."""
+        """Fit a set without one of its causes, from its largest fitted subset or else from ``node``."""
         wanted = without(node.hypothesis, name)
         within = (one for one in self.nodes.values() if set(one.hypothesis) <= set(wanted))
         return self.fit(wanted, max(within, key=lambda one: (len(one.hypothesis), one.value), default=node))
 
     def mode(self, hypothesis: Hypothesis) -> Posterior:
-        """Give the mode of a set. A set without the known causes was not searched, and is fitted here, once."""
+        """Return the mode of a set; sets without the known causes were not searched and are fitted here, once."""
         if hypothesis not in self.posteriors:
             near = min(self.nodes.values(), key=lambda one: (len(set(one.hypothesis) ^ set(hypothesis)), -one.value))
             found = near.posterior
@@ -392,8 +405,10 @@ class Search:
     def sizes_of_shoulders(
         self, hypothesis: Hypothesis, seen: Collection[str], motion: str | None = None
     ) -> list[dict[str, np.ndarray]]:
-        """Give the amplitudes of every shoulder by effect, where their posterior is highest, without a motion; of the
-        causes that were ``seen``, those that positions show."""
+        """Compute the amplitudes of every shoulder by effect at their posterior mode, optionally without a motion.
+
+        Causes that were ``seen`` have the amplitudes that positions show.
+        """
         candidates, at, likelihood = self.joint.candidates, self.mode(hypothesis), self.likelihood_without(motion)
         where, here = candidates.where(hypothesis), candidates.among_all(at.hypothesis, at.amplitude)
         evidence = likelihood.evidence(at.theta_mm, at.y, at.Z, np.arange(len(here)), here)
@@ -404,38 +419,38 @@ class Search:
 
     @cached_property
     def without_causes(self) -> Linearised:
-        """Adapt as `girdle adapt` does without effects."""
+        """Linear model around the adaptation without causes, as in ``girdle adapt``."""
         return linearise(self.joint, self.joint.from_starts().theta_mm.T)
 
     @property
     def noise_in_y(self) -> Float[np.ndarray, "rows 3 6"]:
-        """What a degree of noise in each measured angle does to y."""
+        """Change of y per degree of noise in each measured angle."""
         return self.without_causes.B / DEG * self.joint.shoulders.measured.T[:, None]
 
     @property
     def best(self) -> Node:
-        """The set of the highest V."""
+        """Set with the highest V."""
         return max(self.usable, key=lambda node: node.value)
 
     @property
     def left_over_share(self) -> float:
-        """Share of the variance that is smooth along the motions, where nothing is named, that the best set leaves."""
+        """Smooth variance along the motions with the best set, as a share of the variance where nothing is named."""
         best, *nothing = self._common
         return best.smooth_deg2 / nothing[0].smooth_deg2 if nothing else 1.0
 
     @property
     def shared_turn_deg(self) -> float:
-        """What all shoulders have in common of how angles contradict landmarks, beside the best set."""
+        """SD of the contradiction between angles and landmarks that is common to all shoulders, beside the best set."""
         return self._common[0].common_turn_deg
 
     @property
     def _common(self) -> list[Discrepancy]:
-        """What all do alike is, beside the best set; and, if another is, where nothing is named."""
+        """Discrepancies of the common belief: beside the best set and, if they differ, where nothing is named."""
         return [one.discrepancy for one in self.beliefs if one.left == "common"]
 
     @property
     def usable(self) -> list[Node]:
-        """All fitted hypotheses whose effects act the right way."""
+        """Fitted hypotheses whose effects all have the right sign."""
         return [node for node in self.nodes.values() if node.value > _WORST]
 
 
@@ -444,7 +459,7 @@ def _highest(nodes: Sequence[Node], most: int) -> list[Node]:
 
 
 def _most_hopeful(hopes: Sequence[Hope], most: int) -> list[tuple[Hypothesis, Node]]:
-    """Keep so many sets, and of each where it is most probable, the best first."""
+    """Keep the ``most`` best sets, each with its most probable start, the best first."""
     best: dict[Hypothesis, Hope] = {}
     for one in sorted(hopes, key=lambda one: -one.value):
         best.setdefault(one.hypothesis, one)
@@ -460,15 +475,16 @@ def search_of(
     angles_are_of_landmarks: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Search:
-    """Lay out the search for causes among these effects, with what landmarks say of them; nothing is fitted.
+    """Prepare the search for causes among these effects, with the landmarks; fit nothing.
 
-    ``position_noise_mm``: of a coordinate of a measured landmark; with it, positions are data as angles are. Without
-    it, they say what size bones have; and so do landmarks from which the angles were computed.
+    ``position_noise_mm``: SD of a coordinate of a measured landmark; with it, positions are data, as angles are.
+    Without it, or where the angles were computed from these landmarks, the landmarks determine the sizes of bones.
     """
     fitted = Model.of(model, shoulders.subjects, tuple(effects))
     girdle = fitted.sets.girdle
     apart = position_noise_mm is None or angles_are_of_landmarks
-    candidates, rows = lay_out(effects, shoulders, measured_sizes(shoulders, girdle, effects) if apart else {}), None
+    sizes, rows = measured_sizes(shoulders, girdle, effects) if apart else {}, None
+    candidates = build_design(effects, shoulders, sizes)
     if position_noise_mm is not None:
         rows = position_rows(model, girdle, candidates, shoulders, position_noise_mm)
         if rows and angles_are_of_landmarks:

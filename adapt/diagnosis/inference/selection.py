@@ -1,4 +1,4 @@
-"""Which causes are named: those of the most probable set that are needed, over persons drawn anew."""
+"""Selection of the named causes: the causes of the most probable set that it needs, over resampled persons."""
 
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
@@ -13,34 +13,35 @@ from adapt.diagnosis.inference.weights import probabilities
 from models.effects.effect import cause_of
 
 LEAST_PROBABILITY = 0.8
-"""Of sets with a cause in a place, whichever, against the set with none there, averaged over persons drawn anew."""
+"""Smallest probability of the sets with any cause in a place against the set without one there, averaged over
+resampled persons, for which a cause is named."""
 
 LEAST_INCLUSION = 0.05
-"""Probability over all sets, below which no cause is named."""
+"""Inclusion probability below which no cause is named."""
 
 REJECTED = 0.9
-"""Probability that all persons do something alike beside the best causes, from which these explain not all: simulated
-worlds with a cause outside the list have 0.99 or more, with those of the list 0.6 or less."""
+"""Probability of something common to all persons beside the best causes, from which these causes count as rejected.
+Simulated worlds have 0.99 or more with a cause outside the list, and 0.6 or less with listed causes only."""
 
 _MOST_LEFT_OVER = 0.5
-"""Share of what is smooth that they leave, from which they explain nothing then."""
+"""Largest share of the smooth variance that rejected causes may leave if some of them are still to stand."""
 
 _WRONG_ANGLES_DEG = 1.0
-"""Of what all have in common of how angles contradict landmarks: it takes the end of a clavicle of 150 mm by 2.6 mm, as
-far as joints move."""
+"""SD of the contradiction between angles and landmarks common to all, from which the angles count as wrong. One degree
+moves the end of a clavicle of 150 mm by 2.6 mm, as far as joints move."""
 
 
 class Named(NamedTuple):
-    """The causes that are named."""
+    """Named causes."""
 
     hypothesis: Hypothesis
-    """Names of the candidates."""
+    """Candidates that are named."""
     chosen: Node
-    """The set of which they are."""
+    """Fitted set that the named causes belong to."""
     sets: Mapping[str, CredibleSet] = MappingProxyType({})
-    """The names that each cause may have."""
+    """Credible set of names for each cause."""
     seen: frozenset[str] = frozenset()
-    """The causes that measured positions show, whatever the angles say."""
+    """Causes that measured positions alone show, without the angles."""
 
 
 def name_causes(search: Search) -> Named:
@@ -53,8 +54,8 @@ def name_causes(search: Search) -> Named:
 
 
 def by_positions(search: Search, name: str, hypothesis: Hypothesis) -> float:
-    """Compute how probable a cause is beside the others of a set by measured positions alone, whatever the angles say,
-    over persons drawn anew; 0 without positions."""
+    """Compute the probability of a cause beside the other causes of a set from measured positions alone, over resampled
+    persons; 0 without positions."""
     positions = search.likelihood.positions
     if positions is None:
         return 0.0
@@ -66,17 +67,19 @@ def by_positions(search: Search, name: str, hypothesis: Hypothesis) -> float:
 
 
 def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[str, str]) -> Hypothesis:
-    """Leave out causes that are hardly active in any probable set, however much the chosen one needs them."""
+    """Leave out causes with a small inclusion probability, even if the chosen set needs them."""
     return tuple(name for name in named if inclusion[causes[name]] >= LEAST_INCLUSION)
 
 
 def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float]) -> Hypothesis:
-    """Keep what stands though all persons do something alike that no cause explains: what is known and what was
-    ``seen``; and, where the best set leaves less than half, what is probably active whatever else is. That is no
-    movement, of which angles tell which constraint gives way and not what moves, unless both joints were seen to move:
-    what gives way beside them is of one constraint alone. Nor is it, but for a frame, what is larger than such an
-    effect is: it takes the place of what is not explained. Where angles contradict the landmarks, only what is
-    known."""
+    """Keep the causes that stand when the set is rejected, because all persons have something unexplained in common.
+
+    Causes that are known or were ``seen`` stand. If the best set leaves at most half of the smooth variance, causes
+    with a high inclusion probability stand too, with two exceptions. Movements do not, because angles show which
+    constraint gives way and not what moves; but where both joints were seen to move, the other movements stand, because
+    each is of one constraint alone. Causes that are too large do not, except frames, because they take the place of
+    something unexplained. Where angles contradict the landmarks, only known causes stand.
+    """
     known = set(map(cause_of, search.known))
     if angles_contradict_landmarks(search):
         return tuple(name for name in named if cause_of(name) in known)
@@ -91,17 +94,17 @@ def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion
 
 
 def angles_contradict_landmarks(search: Search) -> bool:
-    """Tell whether angles and landmarks of all persons contradict each other along a motion as no cause explains."""
+    """Check whether angles and landmarks of all persons contradict each other along motions as no cause explains."""
     return search.shared_turn_deg >= _WRONG_ANGLES_DEG
 
 
 def nothing_named(search: Search) -> Named:
-    """Name no cause."""
+    """Return the set of known causes without naming any."""
     return Named((), search.nodes[search.known])
 
 
 def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
-    """Find the most probable set, less what is not needed, and what may stand in the place of each cause."""
+    """Find the most probable set without the causes it does not need, and the alternatives in place of each cause."""
     while True:
         best = node = search.best
         while weak := _weakest(search, node, places := _places(search, node)):
@@ -112,12 +115,12 @@ def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
 
 
 def _places(search: Search, node: Node) -> dict[str, dict[str, Node]]:
-    """What may stand in the place of each cause that is not known to be active."""
+    """Find the alternatives in place of each cause that is not known to be active."""
     return {name: search.in_place_of(node, name) for name in node.hypothesis if name not in search.known}
 
 
 def _weakest(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) -> str | None:
-    """Find the place in a set where a cause is least needed, if that is not enough."""
+    """Find the cause that a set needs least, if its probability is below ``LEAST_PROBABILITY``."""
     needed: dict[str, float] = {}
     for name, place in places.items():
         sets = search.without(node, name), *place.values()

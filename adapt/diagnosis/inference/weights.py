@@ -1,4 +1,4 @@
-"""How probable each set of causes is."""
+"""Probabilities of sets of causes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,24 +11,24 @@ from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.inference.search import Search
 
 _NEAR = 6.0
-"""Sets that are worse than the best by this much in V (odds of 400) are not widened, nor weighed if they were not
-fitted: what they add is nothing."""
+"""Difference in V from the best set (odds of 400) beyond which sets are not widened, and not weighed unless they were
+fitted, because they contribute nothing."""
 
 
 @dataclass(frozen=True)
 class Weights:
-    """The probability of every hypothesis that was fitted, and of those with one cause more than a probable one."""
+    """Probabilities of all fitted hypotheses, and of hypotheses with one cause more than a probable one."""
 
     probability: dict[Hypothesis, float]
-    """Most probable first; sums to 1."""
+    """Probability by hypothesis, the most probable first; sums to 1."""
     cause: dict[str, str]
-    """By name of a candidate, its cause."""
+    """Cause by the name of a candidate."""
     unexplained: float
-    """Probability that all shoulders do something alike that no cause explains."""
+    """Probability that all shoulders have something in common that no cause explains."""
 
     @cached_property
     def inclusion(self) -> dict[str, float]:
-        """Probability of every cause, whatever its course, of being active; most probable first."""
+        """Inclusion probability of every cause, with any course; the most probable first."""
         found = dict.fromkeys(self.cause.values(), 0.0)
         for hypothesis, probability in self.probability.items():
             for cause in dict.fromkeys(self.cause[name] for name in hypothesis):
@@ -36,8 +36,8 @@ class Weights:
         return dict(sorted(found.items(), key=lambda one: -one[1]))
 
     def beyond(self, probability: float, held: Callable[[str], bool]) -> "Weights":
-        """Take the effects that are ``held`` against a null out of every set, but for this probability that they are
-        beyond it."""
+        """Remove the effects that are ``held`` against a null from every set, except for the ``probability`` that they
+        go beyond the null."""
         found = {hypothesis: probability * p for hypothesis, p in self.probability.items()}
         for hypothesis, p in self.probability.items():
             rest = tuple(name for name in hypothesis if not held(name))
@@ -46,14 +46,16 @@ class Weights:
 
 
 def weigh(search: Search) -> Weights:
-    """Weigh all fitted hypotheses, and what the linear model says of one cause more: one of which the data say nothing
-    is as probable as before them."""
+    """Compute the probabilities of fitted hypotheses and, by the linear model, of those with one cause more.
+
+    The widened hypotheses let a cause on which the data have no information keep its prior probability.
+    """
     least = search.best.value - _NEAR
     near = [node for node in search.usable if node.value > least]
     widened = sorted(
         (one for node in near for one in search.widened(node) if one.value > least), key=lambda one: one.value
     )
-    starts = {hypothesis: start for _, hypothesis, start in widened}  # where it is most probable
+    starts = {hypothesis: start for _, hypothesis, start in widened}  # the most probable start is last
     each = {name: search.by_belief(start, name) for name, start in starts.items()}
     each |= {node.hypothesis: node.by_belief[:, 1:] for node in search.usable}
     every = np.array(list(each.values()))
@@ -64,11 +66,11 @@ def weigh(search: Search) -> Weights:
 
 
 def probabilities(values: Sequence[Float[np.ndarray, " draws"]]) -> Float[np.ndarray, " sets"]:
-    """Give sets of these V their probabilities among each other: the mean over persons drawn anew."""
+    """Compute the relative probabilities of sets with these V, averaged over resampled persons."""
     return probabilities_of_draws(values).mean(axis=1)
 
 
 def probabilities_of_draws(values: Sequence[Float[np.ndarray, " draws"]]) -> Float[np.ndarray, "sets draws"]:
-    """Give sets of these V their probabilities among each other, for the persons of each draw."""
+    """Compute the relative probabilities of sets with these V, for the persons of each draw."""
     weight = np.exp(np.array(values) - np.max(values, axis=0))
     return weight / weight.sum(axis=0)

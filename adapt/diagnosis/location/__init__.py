@@ -1,1 +1,1 @@
-"""Where the gap lies: by angle, motion and elevation, and as rotations."""
+"""Location of the gap: by angle, motion and elevation, and in the constraints."""

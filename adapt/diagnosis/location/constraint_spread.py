@@ -1,4 +1,4 @@
-"""How far each constraint is from holding at the measured postures: adapted, with the causes, and by noise alone."""
+"""Violation of each constraint at the measured postures: adapted, with the causes, and from noise alone."""
 
 from functools import partial
 from typing import NamedTuple
@@ -16,25 +16,25 @@ from motions.arrays import Array
 from motions.rotations import DEG
 
 _CHUNK = 64
-"""Postures that a compiled program takes: it then serves any number of them."""
+"""Number of postures per call of the compiled program, so that one compilation serves any number of postures."""
 
 
 class ConstraintSpread(NamedTuple):
-    """Root mean square of one constraint over all postures, mm."""
+    """Root mean square violation of one constraint over all postures, mm."""
 
     constraint: str
     adapted_mm: float
     with_causes_mm: float
     noise_mm: float
-    """What noise of the angles alone would make of a chain that closes."""
+    """Violation that noise of the angles alone causes in a chain that closes."""
 
 
 def constraint_spread(
     data: Observed, adapted: AnyGirdle, with_causes: AnyGirdle, noise_deg: float
 ) -> list[ConstraintSpread]:
-    """Compute the spread of A1-A3 over the postures with all six angles measured; none where there is no such posture.
+    """Compute the spread of A1-A3 over the postures with all six angles measured; empty where there is none.
 
-    ``adapted`` and ``with_causes`` are the chains of all subjects, (component, postures, subjects).
+    ``adapted`` and ``with_causes``: chains of all subjects, (component, postures, subjects).
     """
     used = np.asarray(data.measured.all(axis=0))
     if not used.any():
@@ -52,7 +52,7 @@ def _rms(values: Float[np.ndarray, "3 postures"]) -> Float[np.ndarray, "3"]:
 
 
 def _at(chain: AnyGirdle, used: Bool[np.ndarray, "postures subjects"]) -> AnyGirdle:
-    """The chain of each posture."""
+    """Return the chain of each posture in use."""
     return jax.tree.map(lambda x: np.broadcast_to(x, (*np.shape(x)[:-2], *used.shape))[..., used], chain)
 
 
@@ -60,7 +60,7 @@ def _at(chain: AnyGirdle, used: Bool[np.ndarray, "postures subjects"]) -> AnyGir
 def _linearised(
     chain: AnyGirdle, angles: Float[Array, " 6 postures"]
 ) -> tuple[Float[Array, " 3 postures"], Float[Array, " 3 6 postures"]]:
-    """A1-A3, mm, and their slopes in each angle, mm a rad."""
+    """Compute A1-A3, mm, and their derivatives with respect to each angle, mm per rad."""
     g, along = jax.linearize(chain.residuals_mm, angles)
     units = jnp.broadcast_to(jnp.eye(6)[:, :, None], (6, *angles.shape))
     return g, jax.vmap(along, out_axes=1)(units)

@@ -1,6 +1,7 @@
-"""Where the gap between measured and simulated orientations lies, and how much of it is noise.
+"""Location of the gap between measured and simulated orientations, and the part of it that is noise.
 
-Only measured angles take part, of postures that count. ``dataclasses.asdict`` turns every result into plain JSON types.
+Only measured angles of postures that are no padding are used. ``dataclasses.asdict`` turns every result into plain JSON
+types.
 """
 
 from collections.abc import Iterable
@@ -17,26 +18,26 @@ BIN_DEG = 30.0
 """Width of an elevation bin; a bin holds low <= elevation < high."""
 
 _SAME_ELEVATION_DEG = 1.0
-"""Elevations of a motion that spread less (peak to peak, or rms) say nothing of a course over elevation."""
+"""Root mean square spread of elevations, degrees, up to which no slope over elevation is computed."""
 
 
 @dataclass(frozen=True)
 class AngleGaps:
-    """Measured angles, the model's closest ones and what noise would leave; finite where measured."""
+    """Measured angles, nearest angles of the model, and expected noise; finite where measured."""
 
     data: Observed
     simulated: Float[np.ndarray, "6 postures subjects"]
-    """The model's closest angles, rad."""
+    """Nearest angles of the model, rad."""
     noise_deg2: Float[np.ndarray, "6 postures subjects"]
-    """Expected squared difference that measurement noise alone would leave in each angle."""
+    """Expected squared difference of each angle from measurement noise alone."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """The gap of one angle in one motion and elevation bin. ``difference`` is simulated less measured, as in fits.csv.
+    """Gap of one angle in one motion and elevation bin. ``difference`` is simulated less measured, as in fits.csv.
 
-    noise = sqrt(2/pi) sqrt(mean noise_deg2), the mean absolute difference of noise alone;
-    share = max(0, sum(difference^2 - noise_deg2)), over the sum of the same over all cells (0 where that is 0).
+    noise = sqrt(2/pi) sqrt(mean noise_deg2), the mean absolute difference from noise alone;
+    share = max(0, sum(difference^2 - noise_deg2)), over the sum of the same over all cells (0 where that sum is 0).
     """
 
     angle: str
@@ -53,7 +54,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class GapLevel:
-    """Mean absolute difference of some angles beside what noise alone would leave: mean of sqrt(2/pi noise_deg2)."""
+    """Mean absolute difference of some angles, and its expectation from noise alone: mean of sqrt(2/pi noise_deg2)."""
 
     mean_absolute_deg: float
     noise_deg: float
@@ -61,7 +62,8 @@ class GapLevel:
 
 @dataclass(frozen=True)
 class Profile:
-    """The gap by one thing at a time; what has no measured angle is left out. Bins are named 'low-high' in degrees."""
+    """Gap by angle, bone, motion, elevation bin and subject, without groups that have no measured angle. Names of bins
+    are 'low-high' in degrees."""
 
     angle: dict[str, GapLevel]
     bone: dict[str, GapLevel]
@@ -72,10 +74,13 @@ class Profile:
 
 @dataclass(frozen=True)
 class ConstraintResidual:
-    """One of A1-A3 at the measured angles, in one motion or (motion None) in all; SD with n - 1 (None: one posture).
+    """Residual of one of A1-A3 at the measured angles, in one motion or in all (motion None).
 
-    slope = 90 sum (e - mean e) (a - mean a) / sum (e - mean e)^2 over elevation e, means within subject and motion;
-    None where the elevations do not spread.
+    The SD has n - 1 in its denominator; it is None for one posture. The slope of the residual a over elevation e is
+
+        90 sum (e - mean e) (a - mean a) / sum (e - mean e)^2
+
+    with means within subject and motion, and None where the elevations do not spread.
     """
 
     constraint: str
@@ -89,7 +94,7 @@ class ConstraintResidual:
 
 
 def cells(gaps: AngleGaps) -> list[Cell]:
-    """List every angle x motion x elevation bin that was measured, the largest share of the explainable gap first."""
+    """List every measured angle x motion x elevation bin, the largest share of the explainable gap first."""
     angle, motion, low_deg, _, difference, noise = _values(gaps)
     keys, group = np.unique(np.stack([angle, motion, low_deg]), axis=1, return_inverse=True)
     excess = np.bincount(group, difference**2 - noise).clip(0.0)
@@ -126,7 +131,7 @@ def profile(gaps: AngleGaps) -> Profile:
 
 
 def _values(gaps: AngleGaps) -> tuple[np.ndarray, ...]:
-    """Of each angle in use: its number, motion, bin (low end, deg), subject, difference (deg) and noise (deg^2)."""
+    """List number, motion, bin (low end, deg), subject, difference (deg) and noise (deg^2) of each measured angle."""
     angle, posture, subject = at = np.nonzero(gaps.data.measured)
     low_deg = np.floor(gaps.data.elevation_deg[posture, subject] / BIN_DEG) * BIN_DEG
     difference_deg = np.rad2deg(gaps.simulated[at] - gaps.data.angles[at])
@@ -136,7 +141,7 @@ def _values(gaps: AngleGaps) -> tuple[np.ndarray, ...]:
 def _groups_of_postures(
     subject: Int[np.ndarray, " n"], motion: Int[np.ndarray, " n"]
 ) -> list[Int[np.ndarray, " group"]]:
-    """Group the postures by subject and motion: one array of indices for each motion of each subject."""
+    """Group the postures by subject and motion: one array of indices per motion of each subject."""
     _, group = np.unique(np.stack([subject, motion]), axis=1, return_inverse=True)
     return [np.flatnonzero(group == k) for k in np.unique(group)]
 
@@ -144,8 +149,8 @@ def _groups_of_postures(
 def constraint_residuals_mm(
     data: Observed, residuals_mm: Float[np.ndarray, "3 postures subjects"]
 ) -> list[ConstraintResidual]:
-    """Summarise A1-A3 (mm) over the postures with all six angles measured: of each, all motions first, then one
-    by one."""
+    """Summarise A1-A3 (mm) over the postures with all six angles measured: each constraint in all motions, then in each
+    motion."""
     used = data.measured.all(axis=0)
     motion, subject = data.motion[used], np.nonzero(used)[1]
     elevation_deg = data.elevation_deg[used]
@@ -161,7 +166,7 @@ def constraint_residuals_mm(
 
 
 def _spread(a, elevation_deg, groups) -> tuple[int, float, float | None, float, float, float | None]:
-    """Number, mean, SD, min, max of the residuals (mm), and their slope over elevation (mm per 90 deg)."""
+    """Compute number, mean, SD, min, max of the residuals (mm), and their slope over elevation (mm per 90 deg)."""
     sd = float(a.std(ddof=1)) if len(a) > 1 else None
     e, within = (np.concatenate([x[at] - x[at].mean() for at in groups]) for x in (elevation_deg, a))
     slope = float(90.0 * (e @ within) / (e @ e)) if (e**2).mean() > _SAME_ELEVATION_DEG**2 else None

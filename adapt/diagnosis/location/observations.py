@@ -1,4 +1,4 @@
-"""The measurements of all subjects as padded arrays."""
+"""Measurements of all subjects as padded arrays."""
 
 from dataclasses import dataclass
 
@@ -11,21 +11,21 @@ from motions.table import Motions
 
 @dataclass(frozen=True)
 class Observed:
-    """The postures of S subjects, padded to P."""
+    """Postures of S subjects, padded to P."""
 
     angles: Float[np.ndarray, "6 postures subjects"]
-    """Rad; those of a girdle at rest where not measured."""
+    """Measured angles, rad; those of a girdle at rest where not measured."""
     measured: Bool[np.ndarray, "6 postures subjects"]
-    """In postures that count."""
+    """True where an angle was measured; False in padding."""
     elevation_deg: Float[np.ndarray, "postures subjects"]
     motion: Int[np.ndarray, "postures subjects"]
-    """Number of the motion among all of the data."""
+    """Index of the motion in ``motions``."""
     subjects: tuple[str, ...]
     motions: tuple[str, ...]
 
 
 def observe(motions: Motions, rows: PostureRows) -> Observed:
-    """Arrange the motions by subject, as their rows are packed. A missing elevation counts as the arm hanging."""
+    """Arrange the motions by subject, packed like ``rows``. A missing elevation counts as the arm hanging."""
     names = tuple(dict.fromkeys(motions.motion.tolist()))
     number = np.array([names.index(name) for name in motions.motion.tolist()])
     return Observed(

@@ -1,4 +1,4 @@
-"""Where the gap lies after adaptation: by angle, motion and elevation, and in the constraints."""
+"""Location of the gap after adaptation: by angle, motion and elevation, and in the constraints."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ from models.effects import AnyGirdle
 
 @dataclass(frozen=True)
 class Where:
-    """Where the gap of the adapted model lies."""
+    """Location of the gap of the adapted model."""
 
     cells: list[Cell]
     profile: Profile
@@ -36,8 +36,11 @@ def locate(
     chains: tuple[AnyGirdle, AnyGirdle],
     noise_deg: float,
 ) -> Where:
-    """Locate the gap between measured and simulated angles (rad), of which noise leaves ``noise_deg2``; the chains are
-    those of all subjects, adapted, and adapted with the causes (component, postures, subjects)."""
+    """Locate the gap between measured and simulated angles (rad).
+
+    ``noise_deg2``: expected squared difference from noise alone. ``chains``: of all subjects, adapted, and adapted with
+    the causes, (component, postures, subjects).
+    """
     gaps, (adapted, with_causes) = AngleGaps(data, simulated, noise_deg2), chains
     return Where(
         cells=cells(gaps),

@@ -1,1 +1,1 @@
-"""A diagnosis in words, and as JSON."""
+"""Texts of a diagnosis, and its JSON."""

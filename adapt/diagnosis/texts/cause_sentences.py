@@ -1,4 +1,4 @@
-"""A named cause in sentences: what it does and how large it is, what shows it, and what to measure next."""
+"""Sentences about a named cause: its action, size and evidence, and what to measure next."""
 
 import math
 from collections.abc import Mapping
@@ -22,10 +22,10 @@ from models.effects.course import FULL_ELEVATION_DEG, OverElevation
 from models.effects.effect import cause_of
 
 _MOST = 0.5
-"""Share of the sum of squares from which a cause acts mostly in one direction."""
+"""Smallest share of the sum of squares at which a cause acts mostly in one direction."""
 
 _STEPS = 51
-"""Elevations at which the largest strength is sought: every 3 degrees of 150."""
+"""Number of elevations at which the largest strength is sought: every 3 degrees of 150."""
 
 _ONE_WAY = {"along": "away from SC", "TS": "at TS", "AI": "at AI"}
 _OTHER_WAY = {
@@ -37,7 +37,8 @@ _OTHER_WAY = {
     "TS": "at TS, toward the thorax",
     "AI": "at AI, toward the thorax",
 }
-"""What a direction is called where its amplitude is above and below 0; below 0 a minus stands before any other."""
+"""Words for a direction where its amplitude is above 0 (``_ONE_WAY``) and below 0 (``_OTHER_WAY``); below 0 a minus
+stands before any other direction."""
 
 _AS = {
     "clavicle_y": "the clavicle protracts",
@@ -47,7 +48,7 @@ _AS = {
     "scapula_z": "the scapula rotates laterally",
     "scapula_x": "the scapula tips backward",
 }
-"""What goes with an angle that grows."""
+"""Movement of the bone when the angle grows."""
 
 _TESTED = {
     "positions": "measured positions",
@@ -59,7 +60,7 @@ _TESTED = {
 
 
 def cause_sentence(diagnosis: Diagnosis, cause: Cause) -> str:
-    """Say what a cause does, how large it is, what it takes of the gap, what shows it, and what may stand for it."""
+    """Describe a cause: its action, size, part of the gap, evidence, and the names that it cannot be told from."""
     one = diagnosis.amplitude[cause.names[0]]
     names, typical = cause_names(cause), with_unit(number(one.typical), one.unit)
     said = [
@@ -92,7 +93,7 @@ def _capital(text: str) -> str:
 
 
 def _largest(one: CauseAmplitude, highest_deg: float) -> tuple[float, dict[str, float]] | None:
-    """The largest strength up to the highest elevation, and its components; None of another basis or unit."""
+    """Compute the largest strength up to the highest elevation, and its components; None for another basis or unit."""
     effect = EFFECTS.get(one.effect)
     if effect is None or not isinstance(effect.course, OverElevation) or effect.strength_unit:
         return None
@@ -108,7 +109,7 @@ def _largest(one: CauseAmplitude, highest_deg: float) -> tuple[float, dict[str, 
 
 
 def _mostly(values: Mapping[str, float]) -> str:
-    """Name the direction in which most of it lies: ', mostly back as the scapula protracts'."""
+    """Name the main direction: ', mostly back as the scapula protracts'; empty if there is none."""
     if len(values) < 2:
         return ""
     name = max(values, key=lambda one: abs(values[one]))
@@ -121,7 +122,7 @@ def _mostly(values: Mapping[str, float]) -> str:
 
 
 def _takes(diagnosis: Diagnosis, name: str) -> str:
-    """What the step of the gap budget takes, degrees; empty where the budget has no such step."""
+    """Write the change of the gap, degrees, in this cause's step of the gap budget; empty without such a step."""
     for before, step in zip(diagnosis.budget, diagnosis.budget[1:], strict=False):
         if cause_of(step.step) == name and step.step != ADAPTED_STEP and math.isfinite(step.gap_deg.value):
             fall = f"{gap_text(before.gap_deg.value)} to {gap_text(step.gap_deg.value)} deg"
@@ -133,11 +134,11 @@ _POSITIONS = "positions of SC and AC in every posture (girdle convert writes the
 
 
 _TOLD_APART = 0.95
-"""Probability of the right one of two names, from which more of the same gains little."""
+"""Probability of telling the right one of two names, from which on more of the same data gain little."""
 
 
 def measure_next(diagnosis: Diagnosis) -> list[str]:
-    """Say what to measure next, the best choice first and a second one; empty where nothing beyond noise is left."""
+    """List at most two measurements to make next, the best one first; empty where nothing beyond noise is left."""
     proposals = _distinct(diagnosis)
     found = [*diagnosis.lacking, *(_proposal(one, diagnosis.persons) for one in proposals)]
     asked = not diagnosis.positions.measured_mm and diagnosis.verdict.answer != "none"
@@ -147,7 +148,7 @@ def measure_next(diagnosis: Diagnosis) -> list[str]:
 
 
 def _distinct(diagnosis: Diagnosis) -> list[Proposal]:
-    """The best proposal of each kind: people, motion, landmarks; none for names that are told apart as it is."""
+    """Keep the best proposal of each kind: people, motion, landmarks; none for names that are already told apart."""
     kept: dict[str, Proposal] = {}
     for one in diagnosis.next_measurement:
         if one.probabilities[0] < _TOLD_APART:

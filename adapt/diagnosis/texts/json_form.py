@@ -1,6 +1,6 @@
-"""A diagnosis as plain JSON types: the contents of diagnosis.json.
+"""Diagnosis as plain JSON types: the contents of diagnosis.json.
 
-Its keys are what scripts of users rely on; they stay where a field has another name.
+Scripts of users rely on its keys: a key stays the same where its field has got another name.
 """
 
 import math
@@ -21,16 +21,16 @@ from adapt.diagnosis.result import (
 from adapt.diagnosis.texts.wording import sentence
 
 JsonObject = dict[str, Any]
-"""An object of plain JSON types."""
+"""Object of plain JSON types."""
 
 _POSTURES = "every third posture in turn, after the others"
-"""What is held out for the gaps at the top level of ``gap_deg``."""
+"""Description of the postures held out for the gaps at the top level of ``gap_deg``."""
 
 
 def as_json(diagnoses: Diagnoses) -> JsonObject:
-    """Turn diagnoses into one object a model under ``by_model``, with that of the closest model at the top level too.
+    """Turn diagnoses into one object per model (``by_model``), with the closest model's object at the top level too.
 
-    What is not a finite number is null.
+    Numbers that are not finite become null.
     """
     by_model = {name: _diagnosis(diagnosis) for name, diagnosis in diagnoses.by_model.items()}
     return {**by_model[diagnoses.closest.model], "by_model": by_model}
@@ -75,7 +75,8 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
 
 
 def _verdict(diagnosis: Diagnosis) -> JsonObject:
-    """With ``effects``, the first name of each cause; ``shares`` to ``tested_on`` go with ``causes``, one by one."""
+    """Lay out a verdict: ``effects`` has the first name of each cause; ``shares`` to ``tested_on`` have one entry per
+    cause."""
     causes = diagnosis.verdict.causes
     return {
         "answer": diagnosis.verdict.answer,
@@ -109,7 +110,7 @@ def _step(step: Step) -> JsonObject:
 
 
 def _gaps(gaps: Gaps) -> JsonObject:
-    """The gaps by what was held out, those of postures at the top level too; how far the hardest shrink."""
+    """Lay out the gaps by held-out data, those of postures at the top level too; ``shrinkage`` is of the hardest."""
     postures = plain(gaps.other_postures)
     return {
         **postures,
@@ -135,8 +136,8 @@ def _positions(positions: Positions) -> JsonObject:
 
 
 def plain(value: Any) -> Any:
-    """Turn a value into the types of JSON; what is not a finite number becomes None."""
-    if type(value) in (int, str):  # and float, below: a report has a million, so they come first
+    """Turn a value into the types of JSON; numbers that are not finite become None."""
+    if type(value) in (int, str):  # these and float, below, come first: a report has a million values
         return value
     if type(value) is float:
         return value if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""What the numbers of a diagnosis rest on, a sentence each."""
+"""Notes on the data, assumptions and limits of a diagnosis, one sentence each."""
 
 from collections.abc import Collection, Sequence
 
@@ -8,7 +8,7 @@ from adapt.diagnosis.texts.wording import listed
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
-    """Say what the numbers of a diagnosis rest on, what they do not say, and how to adapt with the causes."""
+    """List all notes: basis and limits, probable causes that are not named, names not told apart, and how to adapt."""
     candidates = set(diagnosis.verdict.inclusion)
     return [
         *rests_on(diagnosis),
@@ -19,7 +19,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
 
 
 def rests_on(diagnosis: Diagnosis) -> list[str]:
-    """Say what the numbers of a diagnosis rest on, and what they do not say."""
+    """List the data and assumptions on which the numbers of a diagnosis rest, and their limits."""
     too_large = [name for name, one in diagnosis.amplitude.items() if one.too_large]
     return [
         f"Parameter set {diagnosis.model}.",
@@ -37,7 +37,7 @@ def rests_on(diagnosis: Diagnosis) -> list[str]:
 
 
 def _landmark_sizes(diagnosis: Diagnosis) -> list[str]:
-    """What landmarks show to be of another size than in the set."""
+    """Name the sizes that landmarks show to differ from the parameter set."""
     other = [
         f"{name}={','.join(f'{one.value:.3g}' for one in sizes.values())}"
         for name, sizes in diagnosis.landmark_sizes.items()
@@ -61,7 +61,7 @@ def _noise(noise: Noise) -> str:
 
 
 def _limits(diagnosis: Diagnosis) -> list[str]:
-    """What data of one motion, or of one person, cannot say."""
+    """List the conclusions that data of one motion, or of one person, do not allow."""
     one_motion, one_person = diagnosis.gaps.other_motion is None, diagnosis.persons == 1
     return [
         *(["One kind of motion: nothing can be said of held-out motions."] if one_motion else []),
@@ -71,7 +71,7 @@ def _limits(diagnosis: Diagnosis) -> list[str]:
 
 
 def _sampled(diagnosis: Diagnosis) -> list[str]:
-    """Say how many postures the search for causes took, if not all."""
+    """Give the number of postures that the search for causes used, if not all."""
     given, taken = diagnosis.postures, diagnosis.searched_postures
     if taken == given:
         return []
@@ -86,7 +86,7 @@ def _indistinguishable(names: Sequence[str], candidates: Collection[str]) -> str
 
 
 def _how_to_adapt(diagnosis: Diagnosis) -> str:
-    """How the next adaptation takes all of it into account at once."""
+    """Give the command that adapts with own bones and all causes at once."""
     names = [name for name, one in diagnosis.amplitude.items() if one.amplitude is not None]
     command = "girdle adapt ... --own-bones --effects-of FOLDER"
     return f"To adapt with {listed(names, 'and')}: {command}, the folder of this diagnosis."

@@ -1,4 +1,4 @@
-"""A diagnosis in words: the verdict in one sentence of plain English, and how its numbers are written."""
+"""Verdict of a diagnosis in one sentence of plain English, and the format of its numbers."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -22,23 +22,23 @@ from adapt.diagnosis.result import (
 from models.effects.effect import cause_of
 
 MOST_WORDS = 30
-"""Of the sentence."""
+"""Largest number of words of the sentence."""
 
 _FINE = 1.0
-"""Numbers below it are written with two digits after the point, others with one."""
+"""Numbers below this limit have two digits after the point, others one."""
 
 _LEAST_PROBABILITY = 0.005
-"""Less than it would be written as 0.00, which says that there is none."""
+"""Smallest probability that is not written as 0.00, which would mean that there is none."""
 
 OWN = "own bones"
-"""What every person has, before any cause."""
+"""Term for the bones and frames of each person, which come before any cause."""
 
 _MOST_NAMES = 3
-"""Causes that are named where not all of them have room."""
+"""Number of causes that are named where there is no room for all."""
 
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """Say the verdict as a biomechanist reads it first, in at most MOST_WORDS words."""
+    """Write the verdict in one sentence for a biomechanist, in at most ``MOST_WORDS`` words."""
     if diagnosis.verdict.answer != EFFECT:
         return _without_cause(diagnosis)
     before, with_effect, floor = _levels(diagnosis, "own_bones", "with_effect")
@@ -52,7 +52,7 @@ def sentence(diagnosis: Diagnosis) -> str:
 
 
 def _without_cause(diagnosis: Diagnosis) -> str:
-    """Say that none is named, and what own bones take away."""
+    """Write the sentence of a verdict that names no cause: the change of the gap by own bones."""
     adapted, own, floor = _levels(diagnosis, "adapted", "own_bones")
     held_out, subjects = held_out_kind_text(diagnosis.gaps), subjects_text(diagnosis)
     end = f"on {held_out} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
@@ -64,14 +64,14 @@ def _without_cause(diagnosis: Diagnosis) -> str:
 
 
 def number(value: float | None, coarse: float | None = None) -> str:
-    """Write a number with as many digits as ``coarse`` (else itself) deserves; '-' where there is none."""
+    """Write a number with the digits that suit ``coarse`` (default: the number itself); '-' where there is none."""
     if value is None or not math.isfinite(value):
         return "-"
     return f"{value:.2f}" if abs(value if coarse is None else coarse) < _FINE else f"{value:.1f}"
 
 
 def probability_text(value: float) -> str:
-    """Write a probability with two digits; one that would round to 0 and is not 0 as '<0.01'; '-' where unknown."""
+    """Write a probability with two digits; '<0.01' where it is above 0 and would round to 0; '-' where unknown."""
     if not math.isfinite(value):
         return "-"
     return "<0.01" if 0.0 < value < _LEAST_PROBABILITY else f"{value:.2f}"
@@ -93,24 +93,24 @@ def interval_text(gap: Interval) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Add the unit to a number; 1 is the unit of a bare number."""
+    """Add the unit to a number; the unit 1 stands for a bare number and is not added."""
     return text if unit == "1" else f"{text} {unit}"
 
 
 def amplitude_text(amplitude: CauseAmplitude) -> str:
-    """Write an amplitude with its interval and unit: '9.3 [7.8, 10.8] deg'."""
+    """Write the size of a cause with its interval and unit: '9.3 [7.8, 10.8] deg'."""
     value, low, high = (number(one, amplitude.size.value) for one in amplitude.size)
     known = math.isfinite(amplitude.size.low)
     return with_unit(f"{value} [{low}, {high}]" if known else value, amplitude.unit)
 
 
 def listed(names: Sequence[str], last: str) -> str:
-    """Join names as 'a', 'a and b', 'a, b and c', with ``last`` for 'and'."""
+    """Join names as 'a', 'a and b', 'a, b and c', with ``last`` in the place of 'and'."""
     return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def cause_names(cause: Cause) -> tuple[str, ...]:
-    """Name a cause without what its course goes with, once each."""
+    """List the distinct names of a cause, without the basis after the colon."""
     return tuple(dict.fromkeys(cause_of(name) for name in cause.names))
 
 
@@ -132,20 +132,21 @@ def subjects_text(diagnosis: Diagnosis) -> str:
 
 
 def held_out_kind_text(gaps: Gaps) -> str:
-    """Write what the held-out gaps are of: 'held-out motions' if there are several kinds, else persons or postures."""
+    """Write the kind of the held-out gaps: 'held-out motions' if there are several kinds, else persons or postures."""
     return f"held-out {'motions' if gaps.other_motion else 'persons' if gaps.other_person else 'postures'}"
 
 
 def held_out_text(gaps: Gaps) -> str:
-    """Write what was held out for the gaps of which most was."""
+    """Describe the data held out for the hardest gaps (``Gaps.hardest``)."""
     part = "each motion in turn" if gaps.other_motion else "every third posture in turn"
     return f"{part}, with causes found in other persons" if gaps.other_person else part
 
 
 def _ever_shorter(verdict: Verdict, too_large: Collection[str] = ()) -> Iterator[str]:
-    """The causes in ever fewer words: with all names that each may have, with two, with one, the first few of them.
+    """Yield the causes in ever fewer words: with all names that each may have, with two, with one, the first few
+    causes.
 
-    One that is larger than such an effect is, is only what acts like it.
+    Causes that are ``too_large`` for their effect are written as 'what acts like' it, except in the last form.
     """
     each = [cause_names(cause) for cause in verdict.causes]
     as_is = [_ACTS_LIKE if cause.names[0] in too_large else "" for cause in verdict.causes]
@@ -176,7 +177,7 @@ def _two_names(names: tuple[str, ...]) -> str:
 
 
 def _levels(diagnosis: Diagnosis, before: GapKind, after: GapKind) -> tuple[str, str, str]:
-    """The gap of which most was held out, degrees: before, after, from noise; two digits where one shows no change."""
+    """Write the hardest gap, degrees: before, after, from noise; with two digits where one hides a difference."""
     levels = diagnosis.gaps.hardest
     found = [levels[kind][ALL].value for kind in (before, after, "noise_floor")]
     coarse, fine = (tuple(gap_text(value, digits) for value in found) for digits in (1, 2))

@@ -1,1 +1,1 @@
-"""Any number of subjects: in parts, resumed, in this process or on a Dask cluster."""
+"""Runs of any number of subjects: in parts, resumable, in one process, in several, or on a Dask cluster."""

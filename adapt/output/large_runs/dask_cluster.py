@@ -1,23 +1,30 @@
-"""Parts made by the workers of a Dask cluster: one process a core, or a device, each with girdle installed."""
+"""Parts made by the workers of a Dask cluster: one process per core or device, each with girdle installed.
 
+The scheduler unpickles every task. A task is bytes and a function of this module, which imports neither JAX nor pandas.
+So the scheduler imports neither, and needs a third of the memory.
+"""
+
+import pickle
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adapt.engine.compilation_cache import keep_compiled
-from adapt.output.large_runs.parts import Chunks, Maker, Work
 from motions.errors import InputError, pip_install
+
+if TYPE_CHECKING:
+    from adapt.output.large_runs.parts import Chunks, Maker, Work
 
 _CONNECT_S = 10.0
 
 _WAITING = 2
-"""Parts asked for, a worker: one that it makes and one that it goes on with; more would only fill its memory."""
+"""Requested parts per worker: one that it makes and one that it continues with; more would only fill its memory."""
 
 
-def on_cluster(address: str) -> Maker:
-    """Build a maker of parts on the scheduler at this address; InputError without Dask or if it cannot be reached.
+def on_cluster(address: str) -> "Maker":
+    """Build a maker of parts on the scheduler at this address; InputError without Dask or without an answer.
 
-    A part whose worker is lost is made again by another: parts depend on nothing but their chunk, and the process that
-    asked for them writes each once.
+    If a worker is lost, another one makes its part again: a part depends on nothing but its chunk, and the process that
+    requested the parts writes each once.
     """
     try:
         from distributed import Client, as_completed
@@ -26,7 +33,7 @@ def on_cluster(address: str) -> Maker:
         remedy = f"Install it here and for the workers: {pip_install('distributed')}"
         raise InputError("--dask", None, cause, remedy) from error
 
-    def make(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
+    def make(work: "Work", chunks: "Chunks") -> Iterator[tuple[int, bytes]]:
         with _client(Client, address) as client:
             if not client.scheduler_info(n_workers=-1)["workers"]:
                 raise InputError(
@@ -38,7 +45,7 @@ def on_cluster(address: str) -> Maker:
 
             def ask() -> None:
                 for number, motions in chunks:
-                    future = client.submit(_part, shared, motions, pure=False)
+                    future = client.submit(_part, shared, pickle.dumps(motions), pure=False)
                     numbers[future] = number
                     ended.add(future)
                     if len(numbers) >= _WAITING * max(1, len(client.nthreads())):
@@ -63,6 +70,6 @@ def _client(client: Any, address: str) -> Any:
         ) from error
 
 
-def _part(work: Work, motions: Any) -> bytes:
+def _part(work: "Work", motions: bytes) -> bytes:
     keep_compiled()
-    return work.part(motions)
+    return work.part(pickle.loads(motions))

@@ -1,4 +1,4 @@
-"""Several processes of this machine: where a run has many parts, tables and files take as long as the fits."""
+"""Parts made by several processes of this machine: with many parts, tables and files take as long as the fits."""
 
 import os
 from collections import deque
@@ -18,21 +18,21 @@ from motions.errors import InputError
 from motions.table import Motions
 
 MANY_PARTS = 8
-"""From so many on: a process takes 3 s to start, a part 3 s."""
+"""Number of parts from which several processes are used: the start of a process takes 3 s, a part 3 s."""
 
 ENDED_BY_THE_SYSTEM = "the system ended a process, most likely because memory ran out"
 
 _WAITING = 2
-"""Parts asked for, a process: one that it makes and one that it goes on with; more would only fill memory."""
+"""Requested parts per process: one that it makes and one that it continues with; more would only fill memory."""
 
 
 def on_this_machine(parts: int) -> Maker:
-    """Choose how to make so many parts: by processes where there are many, and cores to share."""
+    """Choose the maker of this number of parts: processes if there are many parts, and cores to share."""
     return in_processes if parts >= MANY_PARTS and cores() > 1 else one_after_another
 
 
 def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
-    """Make the parts in one process a core, each on one core. InputError if the system ends one of them."""
+    """Make the parts in one process per core, each on one core. InputError if the system ends a process."""
     processes = cores()
     asked: deque[tuple[int, Future[bytes]]] = deque()
     try:
@@ -50,12 +50,12 @@ def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
 
 
 def processes_given(something: Any, processes: int, cores_each: int) -> ProcessPoolExecutor:
-    """Start so many processes, which end with this one; each knows what it was given (``given``)."""
+    """Start this number of processes, which end with this one; each gets ``something`` (``given``)."""
     return ProcessPoolExecutor(processes, get_context("spawn"), _begin, (something, cores_each))
 
 
 def given() -> Any:
-    """Return what this process was given as it began."""
+    """Return the object that this process got when it started."""
     return _given
 
 
@@ -67,14 +67,15 @@ def _begin(something: Any, cores_each: int) -> None:
     _given = something
     Thread(target=_end_with_parent, daemon=True).start()
     use_cores(cores_each)
-    jax.config.update("jax_platforms", "cpu")  # on a GPU each process would take most of its memory for itself
+    jax.config.update("jax_platforms", "cpu")  # each process would reserve most of a GPU's memory for itself
     keep_compiled()
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as the one that asks for parts has ended, however: killed, it tells nobody.
+    """End this process as soon as its parent has ended in any way: a killed parent notifies nobody.
 
-    Its sentinel is the end of a pipe, on Windows a handle of the process; the fits leave this thread its turn.
+    The parent's sentinel is the end of a pipe, on Windows a handle of the process; this thread gets its turn during the
+    fits.
     """
     if parent := parent_process():
         parent.join()

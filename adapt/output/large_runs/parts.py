@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportReturnType=false, reportCallIssue=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""A batch of any size, part by part: a part holds all that a chunk of subjects adds to the tables of ``girdle adapt``.
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Runs of any size in parts: a part holds what a chunk of subjects adds to the tables of ``girdle adapt``.
 
 A part is one file of arrays (npz, without pickle), written whole or not at all. Parts wait in ``unfinished/KEY`` below
-the folder of the results; a run that was stopped goes on with those that are there, and when all are there they become
-the tables, each written once. Then the parts go (``adapt.output.publishing``).
+the folder of the results. A run that was stopped continues with the parts that exist; when all exist, they become the
+tables, each written once. Then the parts are removed (``adapt.output.publishing``).
 """
 
 import io
@@ -31,38 +31,38 @@ from motions.files import atomic_write_bytes, atomic_write_pieces, make_folder
 from motions.table import Motions
 
 LANES = 512
-"""Subjects times models of a part: two of the chunks that stay in a core's cache, and 0.3 GB of memory. Parts of 1024
-took 100 000 subjects 3 % less time and a tenth more memory."""
+"""Number of subjects times models per part: two of the chunks that stay in a core's cache, and 0.3 GB of memory. With
+parts of 1024, 100 000 subjects took 3 % less time and a tenth more memory."""
 
 MOST_SHOWN = 400
-"""Subjects of which the report of a run of several parts is made."""
+"""Largest number of subjects in the report of a run of several parts."""
 
 _STATES = (0, 1)
-"""Of the column ``adapted``."""
+"""Values of the column ``adapted``."""
 
 _ENDING = ".npz"
 
 
 @dataclass(frozen=True)
 class Work:
-    """What is done with every chunk."""
+    """Computation that is applied to every chunk."""
 
     models: tuple[AnyModel, ...]
     weight: float
     reading: str
     shown: frozenset[str]
-    """The subjects of the report."""
+    """Subjects of the report."""
     held_out: frozenset[str]
-    """The subjects whose gap is looked at on what was held out, too."""
+    """Subjects for whom held-out gaps are computed."""
     float32: bool = False
     effects: Amplitudes = field(default_factory=dict)
-    """A dict, which can be sent to a worker."""
+    """Amplitudes of known effects, in a dict, which can be sent to a worker."""
     thorax_downweighting: float = 1.0
     people: People | None = None
-    """How the persons of the run differ, where each has bones of its own."""
+    """Differences between the persons of the run, where each person has own bones."""
 
     def part(self, motions: Motions) -> bytes:
-        """Compute the part of these subjects; it is the same wherever it is made."""
+        """Compute the part of these subjects; the result is the same in every process."""
         dtype = np.float32 if self.float32 else np.float64
         result = adapt_subjects(
             motions,
@@ -82,7 +82,7 @@ class Work:
         return content.getvalue()
 
     def _positions(self, result: Adaptations, motions: Motions) -> dict[str, np.ndarray]:
-        """Where landmarks are, of the subjects of whom one was measured."""
+        """Return the positions of landmarks, for the subjects with a measured landmark."""
         there = with_positions(motions)
         table = simulated_positions(result, motions, self.models) if len(there) else NO_POSITIONS
         mine = table[table["subject"].isin(there)]
@@ -90,7 +90,7 @@ class Work:
 
 
 def _arrays(result: Adaptations, models: Sequence[str]) -> dict[str, np.ndarray]:
-    """What a part holds, by name: the rows of each table, of each model and state apart."""
+    """Return the content of a part, by name: the rows of each table, separate for each model and state."""
     found: dict[str, np.ndarray] = {"failed": np.array(list(not_adapted(result).items()), dtype=str).reshape(-1, 2)}
     for k, model in enumerate(models):
         fits = result.fits[result.fits["model"] == model]
@@ -103,14 +103,15 @@ def _arrays(result: Adaptations, models: Sequence[str]) -> dict[str, np.ndarray]
 
 
 def _name(table: str, model: int, state: int | str = "") -> str:
-    """The rows of a table of one model, by its number, and of one state where the table has two."""
+    """Return the name of the rows of a table for one model, by its number, and for one state where the table has
+    two."""
     return f"{table}{state}/{model}"
 
 
 Chunks = Iterator[tuple[int, Motions]]
 
 Maker = Callable[[Work, Chunks], Iterable[tuple[int, bytes]]]
-"""Makes the parts of numbered chunks, in any order."""
+"""Function that makes the parts of numbered chunks, in any order."""
 
 
 def one_after_another(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
@@ -120,29 +121,30 @@ def one_after_another(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]
 
 
 class Merged(NamedTuple):
-    """What a run needs of its tables once they are written."""
+    """Tables that a run needs after they are written."""
 
     shown: Tables
-    """Of the subjects that the report shows."""
+    """Tables of the subjects that the report shows."""
     parameters: pd.DataFrame
     heldout: pd.DataFrame
-    """Of all."""
+    """Held-out gaps of all subjects, as ``parameters`` is of all subjects."""
     summary: pd.DataFrame
-    """Statistics over all, with the rows of the subjects that the report shows."""
+    """Statistics over all subjects, with the rows of the subjects that the report shows."""
     failed: dict[str, str]
-    """By subject, what failed of all."""
+    """Failures of all subjects, by subject."""
 
 
 class Parts:
-    """The parts of one run, made and to be made."""
+    """Parts of one run, finished and missing."""
 
     def __init__(self, folder: Path, key: str):
-        """``key`` tells runs apart: parts of another one stay until a run of the folder has come to its end."""
+        """Create the folder of the parts. ``key`` identifies the run: parts of other runs stay until a run in this
+        folder is complete."""
         self._home = folder / UNFINISHED / key
         make_folder(self._home)
 
     def make(self, work: Work, chunks: Iterable[Motions], maker: Maker, progress: Callable[[str], None]) -> Motions:
-        """Make every part that is not there yet, and return the motions that the report shows."""
+        """Make every missing part, and return the motions that the report shows."""
         shown: list[Motions] = []
         done = 0
 
@@ -162,7 +164,7 @@ class Parts:
     def merge(self, folder: Path, work: Work) -> Merged:
         """Write fits.csv, parameters.csv, heldout.csv, summary.csv and, where landmarks were measured, positions.csv.
 
-        A table of a row a posture, or of several rows a subject, is in memory a part at a time.
+        Fits and positions are in memory one part at a time, the summary one motion at a time.
         """
         models = range(len(work.models))
         states = [(state, k) for state in _STATES for k in models]
@@ -208,7 +210,7 @@ class Parts:
         return map(pd.DataFrame, self._rows(names))
 
     def _rows(self, names: Iterable[str]) -> Iterator[Rows]:
-        """The arrays of these names, name by name of all parts, one of them in memory at a time."""
+        """Yield the arrays of these names, name by name over all parts, with one array in memory at a time."""
         paths = sorted(self._home.glob(f"*{_ENDING}"))
         for name in names:
             for path in paths:
@@ -221,7 +223,7 @@ class Parts:
 
 
 def not_adapted(result: Tables) -> dict[str, str]:
-    """Say by subject what failed of its adaptation or of the posture fits after it."""
+    """Return, by subject, the failures of its adaptation or of the posture fits after it."""
     failed = failed_subjects(result.fits[result.fits["adapted"] == 1])
     for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
         if word != status.OK:
@@ -233,7 +235,7 @@ def not_adapted(result: Tables) -> dict[str, str]:
 
 
 def failed_subjects(fits: pd.DataFrame) -> dict[str, str]:
-    """Say by subject how many of its posture fits failed, and how; subjects without a failure are left out."""
+    """Return, by subject, the number and kinds of failed posture fits; subjects without a failure are left out."""
     bad = fits[fits["status"] != status.OK]
     return {
         subject: f"{len(rows)} posture fits {', '.join(sorted(set(rows['status'])))}"
@@ -242,11 +244,11 @@ def failed_subjects(fits: pd.DataFrame) -> dict[str, str]:
 
 
 _ROWS = 10_000
-"""Of a table that are text at a time: a row as text takes ten times its memory as numbers."""
+"""Rows of a table that are text at a time: a row takes ten times as much memory as text as in numbers."""
 
 
 def _pieces(tables: Iterable[pd.DataFrame]) -> Iterator[bytes]:
-    """One CSV of tables with the same columns: a header, then all rows, some of them as text at a time."""
+    """Yield one CSV of tables with the same columns: a header, then all rows, ``_ROWS`` of them as text at a time."""
     headed = False
     for table in tables:
         for first in range(0, max(1, len(table)), _ROWS):

@@ -1,4 +1,4 @@
-"""Several parameter sets diagnosed at once: one diagnosis keeps hardly more than one core busy."""
+"""Diagnoses with several parameter sets at once: one diagnosis keeps hardly more than one core busy."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -26,8 +26,8 @@ def diagnose_side_by_side(
     adaptations: Adaptations,
     **options: Any,
 ) -> dict[str, Diagnosis]:
-    """Diagnose with every model as ``adapt.diagnosis.diagnose`` does, which has the ``options``; with several, and
-    cores for them, each in a process of its own. InputError if the system ends one of them."""
+    """Diagnose with every model as ``adapt.diagnosis.diagnose`` does, which takes the ``options``. Several models run
+    in one process each, if there are cores for them. InputError if the system ends a process."""
     processes = min(len(models), cores())
     if processes == 1:
         return diagnose(motions, models, progress=progress, adaptations=adaptations, **options)
@@ -38,7 +38,7 @@ def diagnose_side_by_side(
             try:
                 _passed_on(asked, stages, progress)
                 return {name: found for one in asked for name, found in one.result().items()}
-            except BaseException:  # interrupted, or one failed: nobody waits for the others
+            except BaseException:  # interrupted, or one failed: do not wait for the others
                 for one in active_children():
                     if one not in others:
                         one.terminate()
@@ -49,7 +49,7 @@ def diagnose_side_by_side(
 
 
 def _passed_on(asked: Sequence[Future[Any]], stages: Any, progress: Callable[[str], None]) -> None:
-    """Say what the processes are at until all have ended, or one has failed."""
+    """Pass on the progress of the processes until all have ended, or one has failed."""
     while not any(one.done() and one.exception() for one in asked) and not all(one.done() for one in asked):
         with suppress(Empty):
             progress(stages.get(timeout=_SECONDS_TO_NEWS))

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Tables as numpy arrays with a field a column: what a file without pickle holds, every number as it is."""
+# (pandas declares "Series | DataFrame | scalar" for nearly every result)
+"""Tables as numpy arrays with one field per column, as a file without pickle can hold them, every number unchanged."""
 
 from collections.abc import Callable, Iterable
 
@@ -9,11 +9,11 @@ import pandas as pd
 from jaxtyping import Shaped
 
 Rows = Shaped[np.ndarray, " rows"]
-"""A structured array."""
+"""Structured array with one element per row."""
 
 
 def as_rows(table: pd.DataFrame) -> Rows:
-    """Turn a table of numbers and text into an array; a column of neither is text."""
+    """Convert a table of numbers and text to an array; a column of neither becomes text."""
     columns = [table[name] for name in table]
     arrays = [column.to_numpy() if column.dtype.kind in "iuf" else _text(column) for column in columns]
     return np.rec.fromarrays(arrays, names=list(table))
@@ -24,9 +24,9 @@ def _text(column: pd.Series) -> Shaped[np.ndarray, " rows"]:
 
 
 def as_table(parts: Callable[[], Iterable[Rows]]) -> pd.DataFrame:
-    """Turn arrays of the same columns into one table; a part without rows has no say in what its columns are.
+    """Convert arrays of the same columns to one table; a part without rows has no influence on the column types.
 
-    ``parts`` gives them anew for each column: at once, they would be in memory beside the table.
+    ``parts`` yields the arrays anew for each column: all arrays at once would take as much memory as the table again.
     """
     columns: tuple[str, ...] = ()
     for rows in parts():

@@ -1,4 +1,4 @@
-// What can be chosen, and the words that follow the choice.
+// Controls of the page, and the texts that depend on them.
 
 function fill(select, names, chosen) {
   select.replaceChildren(
@@ -87,13 +87,13 @@ function writeSubjects() {
     line.addEventListener("click", () => {
       go({ subject: n });
       element("explore").scrollIntoView({ behavior: "smooth" });
-      element("subject").focus({ preventScroll: true }); // the row that was chosen is written anew
+      element("subject").focus({ preventScroll: true }); // the chosen row has been rebuilt and lost the focus
     });
   });
   element("subject-table").replaceChildren(head, body);
 }
 
-// Everything that a change touches is drawn again, nothing else.
+// Apply a change of the choices, and redraw only the parts that depend on it.
 function go(change) {
   Object.assign(at, change);
   if ("subject" in change) at.motion = Math.max(0, Math.min(at.motion, subject().motions.length - 1));

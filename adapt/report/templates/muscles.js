@@ -1,10 +1,10 @@
-// Muscle lines in the 3-D view, and arms over elevation; nothing where muscles were not looked at.
+// Muscle lines in the 3-D view, and moment arms over elevation; nothing where muscles were not computed.
 
 const muscles = () => (data.muscles ? data.muscles[at.model] : null);
 const spelled = (muscle) => muscle.replaceAll("_", " ");
 const EVERY = ["all", "none"];
 
-// Points of each line of this row and state, by the number of the line.
+// Return the points of each muscle line in this row and state, by index of the line.
 function paths(state, r) {
   const found = muscles() && muscles().states[state].paths[r];
   if (!found) return null;
@@ -32,7 +32,7 @@ function muscleLines() {
     });
 }
 
-// Ends of the lines nearer to the trunk, of the first posture of the subject that has lines: most do not move.
+// Return the ends of the lines nearer to the trunk, mostly fixed, in the subject's first posture with lines.
 function lineEnds() {
   const [start, end] = [subject().motions[0].rows[0], subject().motions.at(-1).rows[1]];
   const states = muscles() ? Object.values(muscles().states) : [];
@@ -47,7 +47,7 @@ function drawArms() {
   const both = (k) => ["before", "after"].flatMap((state) => finite(arms(state, k)));
   const every = muscles().muscles.map((muscle, k) => [muscle, k]);
   const passing = every.filter(([, k]) => Math.max(...both(k), 0) > 0);
-  const over = passing.length ? passing : every; // of a subject without arms the figures are empty, not the last ones
+  const over = passing.length ? passing : every; // empty figures without moment arms, not the previous ones
   const top = 1.1 * Math.max(...over.flatMap(([, k]) => both(k)), 1);
   const places = panels("arms", over.length);
   over.forEach(([muscle, k], n) => {

@@ -1,6 +1,6 @@
-// The numbers of every chart as a table: written once it is opened, and again after each choice.
+// Tables of the numbers in every chart: written when a table is opened, and again after each choice.
 
-// Columns over the postures of the motion: a name each, and its values.
+// Tabulate columns (name, values) over the postures of the motion, beside posture and elevation.
 function overMotion(columns) {
   const first = [
     ["posture", inMotion(data.posture)],
@@ -68,7 +68,7 @@ function gapNumbers() {
   return [["bone", "state", ...levels], ...rows];
 }
 
-// Of bars that the page holds as text: the value, and its interval where it has one.
+// Tabulate bars that the page holds as text: the value of each bar, with its interval if there is one.
 function barNumbers(headings, bars) {
   const text = (bar, part) =>
     [...bar.querySelector(part).childNodes].map((one) => (one.nodeName === "SMALL" ? "" : one.textContent)).join("");
@@ -104,7 +104,7 @@ function writeTable(table, [headings, ...rows]) {
   table.replaceChildren(head, body);
 }
 
-// Tab-separated, as a spreadsheet takes it. Without a clipboard the table is chosen, for the keys that copy.
+// Copy a table as tab-separated text for a spreadsheet; without a clipboard, only select it, to be copied by keys.
 async function copyTable(table, said) {
   getSelection().selectAllChildren(table);
   const text = [...table.rows].map((one) => [...one.cells].map((cell) => cell.textContent).join("\t")).join("\n");
@@ -116,7 +116,7 @@ async function copyTable(table, said) {
   }
 }
 
-// A command on the page, with the folder of the page where the browser knows it.
+// Insert the folder of the page into the commands on the page, where the browser knows the folder.
 document.querySelectorAll(".command").forEach((one) => {
   const folder = decodeURIComponent(location.pathname)
     .replace(/[^/]*$/, "")

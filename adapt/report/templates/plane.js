@@ -39,7 +39,7 @@ function panels(id, count) {
 
 const title = (text) => ({ text, font: { size: 13 }, x: 0.02, xanchor: "left", y: 0.97, yanchor: "top" });
 
-// Elevation, or the number of the posture where a motion has none of its own: not measured, or hardly changing.
+// Return the elevation, or the posture number where the elevation was not measured or hardly changes in the motion.
 function abscissa() {
   const elevation = inMotion(data.elevation_deg);
   const rises = !elevation.includes(null) && Math.max(...elevation) - Math.min(...elevation) >= LEAST_RISE_DEG;
@@ -66,7 +66,7 @@ function lines(x, of, states) {
   }));
 }
 
-// Lower and upper edge, filled between; it goes straight on where an angle was not measured.
+// Draw lower and upper edge of the noise band, filled between; straight across angles that were not measured.
 function noiseBand(x, measured, noise) {
   if (noise === null) return [];
   const known = measured.map((_, k) => k).filter((k) => measured[k] !== null);
@@ -147,7 +147,7 @@ function whenClicked(place) {
   place.on("plotly_click", (event) => go({ posture: event.points[0].pointIndex }));
 }
 
-const WIDE_ENOUGH_FOR_BINS = 560; // px, with six of them and the scale beside them
+const WIDE_ENOUGH_FOR_BINS = 560; // px; room for six bins and the scale beside them
 
 const heatMap = () => model().heat.maps[Math.min(at.heat, model().heat.maps.length - 1)];
 const heatBins = () => model().heat.low_deg.map((low) => `${low}–${low + model().heat.bin_deg}`);

@@ -1,6 +1,6 @@
-// What keyboard and paper need.
+// Support for keyboard and print.
 
-// A part that scrolls is reached by Tab, where it does scroll.
+// Make scrollable parts reachable by Tab where their content overflows.
 function reachScrollers() {
   document.querySelectorAll(".scroll").forEach((one) => {
     const scrolls = one.scrollWidth > one.clientWidth || one.scrollHeight > one.clientHeight;
@@ -11,7 +11,7 @@ function reachScrollers() {
   });
 }
 
-// Charts as wide as the paper, and the 3-D view as a picture: its own canvas prints empty.
+// Draw the charts as wide as the paper, and the 3-D view as an image, because its canvas prints empty.
 function toPaper() {
   const { scene } = element("view")._fullLayout;
   if (scene) element("printed-view").src = scene._scene.toImage();
@@ -34,5 +34,5 @@ window.addEventListener("resize", () => {
   go({ model: at.model });
 });
 document.addEventListener("keydown", ({ key, target }) => {
-  if (key === "Escape" && target.matches("abbr")) target.blur(); // hides what it explains
+  if (key === "Escape" && target.matches("abbr")) target.blur(); // hides the explanation
 });

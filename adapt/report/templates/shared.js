@@ -1,13 +1,13 @@
 "use strict";
 
-// Every figure is drawn from the data element; nothing is computed here but where to draw it.
+// Data of every figure, from the data element; scripts compute only positions on the page.
 const data = JSON.parse(document.getElementById("data").textContent);
 const at = {
   ...{ model: data.first_model, subject: 0, motion: 0, posture: 0, state: "after" },
   ...{ heat: 0, lines: 0, joint: 0, view: "oblique", looks: 1 },
 };
 
-// The page opens at the posture of the first subject at which adaptation changes most.
+// Find the posture of the first subject whose gap falls most by adaptation; the page opens there.
 function mostChanged() {
   const { before, after } = data.models[at.model].states;
   const falls = data.subjects[0].motions.flatMap(({ rows }, k) =>
@@ -20,7 +20,7 @@ function mostChanged() {
   return { motion: k, posture };
 }
 
-// Okabe and Ito's palette: told apart by the colour-blind and, by lightness and line style, in grey print.
+// Okabe and Ito's palette: distinguishable for colour-blind readers and, by lightness and line style, in grey print.
 const COLOUR = {
   measured: "#000000",
   before: "#e69f00",
@@ -37,7 +37,7 @@ const NAME = {
   wrapped: "muscle round thorax or humerus",
   straight: "straight muscle",
 };
-// Not darker than dark text on it can be read.
+// Light enough for dark text to be readable on every colour.
 const LIGHT_TO_DARK = [
   [0, "#f7fbff"],
   [1, "#4292c6"],

@@ -1,6 +1,6 @@
-// The girdle on its ellipsoid.
+// 3-D view of the girdle on its ellipsoid.
 
-// Thorax frame (lateral, up, backward) to the plot's (lateral, forward, up), which turns about the vertical.
+// Convert the thorax frame (lateral, up, backward) to the plot's (lateral, forward, up), turning about the vertical.
 const placed = ([x, y, z]) => [x, -z, y];
 const axes3 = (points) => [0, 1, 2].map((k) => points.map((point) => (point ? placed(point)[k] : null)));
 const xyz = (points) => {
@@ -59,7 +59,7 @@ function bones(of, colour, name, dash, labelled) {
   ];
 }
 
-// The part of the ellipsoid above `lowest`, as rings and ribs and a thin surface.
+// Draw the part of the ellipsoid above `lowest` as rings, ribs and a thin surface.
 function thorax(theta, lowest) {
   const M_x = own().M_x_mm;
   const [M_y, M_z, A_x, A_y, A_z] = theta;
@@ -106,7 +106,7 @@ function thorax(theta, lowest) {
   ];
 }
 
-// Of all postures of the subject in both states, so that nothing jumps from step to step.
+// Return the extent of all postures of the subject in both states, so that the view does not jump between postures.
 function extent() {
   const [start, end] = [subject().motions[0].rows[0], subject().motions.at(-1).rows[1]];
   const columns = [
@@ -189,7 +189,7 @@ function drawView() {
     showlegend: false,
     margin: { l: 0, r: 0, t: 0, b: 0 },
     scene,
-    uirevision: at.looks, // turned by hand it stays so until another view is asked for; 0 would be none
+    uirevision: at.looks, // keeps a view turned by hand until another view is chosen; 0 would keep none
     paper_bgcolor: "white",
     autosize: true,
   };

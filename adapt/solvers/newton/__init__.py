@@ -1,4 +1,5 @@
-"""The plain chain, A1-A3 of a girdle without effects: Newton with derivatives by hand, many problems at once."""
+"""Solvers for the chain without effects, A1-A3 of a girdle: Newton with hand-written derivatives, many problems at
+once."""
 
 from adapt.solvers.newton.postures import fit_postures as fit_postures
 from adapt.solvers.newton.postures import track_postures as track_postures

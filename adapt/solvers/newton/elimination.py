@@ -1,17 +1,17 @@
-"""One Newton step of a posture's optimality conditions, with the adapted parameters left free: by components.
+"""One Newton step of a posture's optimality conditions, with the adapted parameters left free, by components.
 
-A posture's angles q minimise 1/2 (q - s)' W (q - s) subject to g(q, theta) = 0. Its conditions, linearised at
-(q, theta) with multipliers lambda, are nine equations:
+The angles q of a posture minimise 1/2 (q - s)' W (q - s) subject to g(q, theta) = 0. The optimality conditions,
+linearised at (q, theta) with multipliers lambda, are nine equations:
 
     H dq + C dtheta + G' lambda = -W (q - s),    G dq + T dtheta = -g
 
-With H = W + d2(lambda'g)/dq2, C = d2(lambda'g)/dq dtheta and the stiffness s = diag(s_k) on the range of G', which
-changes no solution:
+With H = W + d2(lambda'g)/dq2, C = d2(lambda'g)/dq dtheta and a penalty s = diag(s_k) on the range of G', which changes
+no solution:
 
     L D L' = H + G' s G =: K,   S = G K^-1 G',   rho = g - G K^-1 W (q - s),   tau = T - G K^-1 C
     mu = S^-1 (rho + tau dtheta),   lambda = mu - s (g + T dtheta),   dq = -K^-1 (W (q - s) + C dtheta + G' mu)
 
-A posture whose K is not positive definite, with more stiffness either, is no minimum there and goes without curvature,
+A posture whose K is not positive definite, even with a larger penalty, is at no minimum; its step omits the curvature,
 C and s (Gauss-Newton).
 """
 
@@ -34,24 +34,24 @@ from models.derivatives import ConstraintDerivatives
 from motions.arrays import Array, ByType, repeat_while, xp
 
 RANGE_SPACE_PENALTY = 20.0
-"""s_k |G_k|^2 over the largest weight: makes K positive definite where H is so on the tangent space, the condition of
-a minimum. Of 5 to 100 the one with the fewest iterations on simulated subjects."""
+"""Penalty s_k |G_k|^2 relative to the largest weight. It makes K positive definite where H is so on the tangent space,
+the condition of a minimum. Among values of 5 to 100 it needs the fewest iterations on simulated subjects."""
 
 STEP_LIMIT_RAD = 0.6
-"""Longest step of one angle: a rotation linearised further than this means nothing."""
+"""Longest step of one angle: the linearisation of a rotation has no meaning beyond it."""
 
 PENALTY_GROWTH = 10.0
-"""Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
+"""Factor on the penalty where K is not positive definite although H may be so on the tangent space."""
 
 PIVOT_FLOOR = 1e-4
 """Smallest pivot, relative to the largest weight, that counts as positive definite; float32 rounds to a thousandth of
-it. What is flatter goes on by the Newton steps of ``adapt.solvers.projection.postures``."""
+it. Flatter problems continue with the Newton steps of ``adapt.solvers.projection.postures``."""
 
 CLOSED_MM = ByType(CONSTRAINT_TOLERANCE_MM, 5e-4)
-"""|g| of a converged posture. In float32 rounding leaves 5e-5 mm, as much as 1e-7 of an ellipsoid of 400 mm."""
+"""Tolerance of |g|. In float32 rounding leaves 5e-5 mm, as much as 1e-7 of an ellipsoid of 400 mm."""
 
 STATIONARY = ByType(STATIONARITY_TOLERANCE, 1e-4)
-"""|dJ/dq + G' lambda| of a converged posture, deg^2 a degree. In float32 rounding leaves 1e-5."""
+"""Tolerance of |dJ/dq + G' lambda|, deg^2 per degree. In float32 rounding leaves 1e-5."""
 
 
 def augmented(target: Components, range_space_penalty: Components, g: Components) -> Array:
@@ -65,7 +65,7 @@ def stationarity(at: ConstraintDerivatives, objective_gradient: Components, mult
 
 
 def _parameter_slopes(T: list[Components]) -> list[Components]:
-    """dg/dtheta, three rows, of the ellipsoid's d(A1, A2)/du; without those, of no parameters."""
+    """Build the three rows of dg/dtheta from d(A1, A2)/du of the ellipsoid; empty rows without parameters."""
     if not T:
         return [[], [], []]
     zero = xp.zeros_like(T[0][0])
@@ -73,23 +73,23 @@ def _parameter_slopes(T: list[Components]) -> list[Components]:
 
 
 class Steps(NamedTuple):
-    """dq and lambda of postures as affine functions of the parameters' steps: what is kept of an elimination."""
+    """dq and lambda of postures as affine functions of the steps of the parameters: the result of an elimination."""
 
     lower: Rows
-    """L."""
+    """L of K."""
     weighed: list[Components]
     """D^-1 L^-1 of G', C and W (q - s)."""
     constant: Components
     linear: list[Components]
-    """mu = constant + linear dtheta, by parameter."""
+    """mu = constant + linear dtheta, one entry per parameter."""
     used: Components
-    """s, 0 where it is not."""
+    """s; 0 where the step is Gauss-Newton."""
     T: list[Components]
     """d(A1, A2)/du."""
     g: Components
 
     def moved(self, d: Components) -> tuple[Components, Components]:
-        """Compute dq and the new lambda for the parameters' steps d."""
+        """Compute dq and the new lambda for the steps d of the parameters."""
         mu, open_chain = self.constant, self.g
         if d:
             mu = [c + product(column(self.linear, i), d) for i, c in enumerate(mu)]
@@ -106,8 +106,8 @@ class Steps(NamedTuple):
 
 
 def _convex_factor(H: Rows, G: list[Components], scale: Array) -> tuple[Components, Rows, Components, Array]:
-    """L D L' = H + G' s G with the least stiffness, and with more of it where that leaves a pivot too small: s, L below
-    its diagonal, 1 / D, and whether no pivot is below the floor."""
+    """Factorise L D L' = H + G' s G with the first penalty, or a larger one where a pivot is too small. Return s, L
+    below its diagonal, 1 / D, and whether no pivot is below the floor."""
 
     def unfinished(tried) -> Array:
         attempts, *_, convex = tried
@@ -129,9 +129,9 @@ def _convex_factor(H: Rows, G: list[Components], scale: Array) -> tuple[Componen
 
 
 class Elimination:
-    """A posture's share of the system in the parameters, and its ``steps``; ``objective_gradient`` is W (q - s).
+    """Terms of a posture in the system of the parameters, and its ``steps``; ``objective_gradient`` is W (q - s).
 
-    Without ``parameters`` it is the step of a posture fit.
+    Without ``parameters`` the elimination is the step of a posture fit.
     """
 
     def __init__(
@@ -175,13 +175,14 @@ class Elimination:
         return backward(self.steps.lower, [-x for x in sides])
 
     def slope(self, i: int) -> Array:
-        """Compute what the postures add to the right-hand side of parameter i, after their own steps."""
+        """Compute the contribution of the postures to the right-hand side of parameter i, after their own steps."""
         b = product(self._tau[i], self.steps.constant)
         b = b - sum(s * row[i] * g for s, row, g in zip(self.steps.used, self._T, self._at.g, strict=True))
         return b - self._gram(3 + i, -1) if i < self._coupled else b
 
     def curvature(self, i: int, j: int) -> Array:
-        """Compute what the postures add to entry i, j of the matrix, U - C' K^-1 C + tau' S^-1 tau - T' s T."""
+        """Compute the contribution of the postures to entry i, j of the matrix,
+        U - C' K^-1 C + tau' S^-1 tau - T' s T."""
         entry = product(self._tau[i], self.steps.linear[j])
         entry = entry - sum(s * row[i] * row[j] for s, row in zip(self.steps.used, self._T, strict=True))
         if i >= self._coupled:

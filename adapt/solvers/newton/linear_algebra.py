@@ -1,16 +1,16 @@
 """Small dense linear algebra by components: every number of a vector or a matrix is an array over the problems.
 
-LAPACK through a batched call costs one library call a matrix. For 3 x 3 and 6 x 6 the loops below, unrolled while a
-kernel is written down, are many times faster, and they run on numpy's arrays, on JAX's and in machine code.
+A batch costs one LAPACK call per matrix. For 3 x 3 and 6 x 6 the loops below, unrolled while a kernel is written, are
+many times faster, and they run on numpy arrays, on JAX arrays and in machine code.
 """
 
 from motions.arrays import Array, xp
 
 Components = list[Array]
-"""A vector, number by number."""
+"""Vector as a list of its components."""
 
 Rows = list[Components]
-"""The lower triangle of a matrix: row i has its first i (or i + 1) elements."""
+"""Lower triangle of a matrix: row i has its first i (or i + 1) elements."""
 
 
 def largest(components: Components) -> Array:
@@ -34,7 +34,7 @@ def column(rows: list[Components], k: int) -> Components:
 def factorised(rows: Rows, floor: Array) -> tuple[Rows, Components, Array]:
     """Factorise A = L D L', given by its lower triangle; a pivot below ``floor`` is raised to it.
 
-    The result is L below its diagonal, 1 / D and where no pivot was below ``floor``.
+    Return L below its diagonal, 1 / D, and where no pivot was below ``floor``.
     """
     n = len(rows)
     lower: Rows = [list(row[:-1]) for row in rows]

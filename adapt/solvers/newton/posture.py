@@ -1,8 +1,8 @@
-"""The posture fit of the plain chain: Newton on the conditions of its optimum, by components.
+"""Posture fit of the chain without effects: Newton on its optimality conditions, by components.
 
     minimise  J(q) = 1/2 (q - s)' W (q - s),   subject to  A1, A2, A3:  g(q) = 0        (thesis Eq. 6.1-6.2)
 
-A problem that does not end here is no failure: ``adapt.solvers.projection`` goes on with it.
+A problem that does not converge here is no failure: ``adapt.solvers.projection`` continues with it.
 """
 
 from typing import NamedTuple
@@ -38,18 +38,18 @@ from motions.arrays import Array, ByType, repeat, repeat_while, xp
 from motions.rotations import DEG
 
 _LAST_STEP_RAD = ByType(1e-7, 1e-5)
-"""A fit ends with a step this short: quadratically, nothing but rounding is left after it, and the conditions
-are looked at there."""
+"""Step length at which a fit ends. Convergence is quadratic, so only rounding is left after this step, and the
+optimality conditions are tested there."""
 
 _SAME_MINIMUM_RAD = 1e-3
-"""A Newton step that ends this near to a known optimum leads to it."""
+"""Distance from a known optimum within which the end of a Newton step belongs to its local minimum."""
 
 _SAME_DEG2 = ByType(1e-6, 1e-3)
-"""Two optima whose J differ by less are one."""
+"""Difference of J below which two optima are the same."""
 
 
 class _State(NamedTuple):
-    """As in ``adapt.solvers.newton.subject``, without parameters."""
+    """State as in ``adapt.solvers.newton.subject``, without parameters."""
 
     base: Components
     multipliers: Components
@@ -65,15 +65,15 @@ class _State(NamedTuple):
 
 
 Start = tuple[Float[Array, " 6 problems"], Float[Array, " 3 problems"], Bool[Array, " problems"]]
-"""Angles, multipliers, and what has converged there already."""
+"""Angles, multipliers, and the mask of problems that have already converged there."""
 
 Lowest = tuple[PostureSolution, Bool[Array, " problems"], Bool[Array, " problems"]]
-"""The lower one of the optima reached from two starts, with the iterations from both; whether each start led to an
-optimum; whether they led to different ones."""
+"""Lower one of the optima reached from two starts, with the iterations from both; whether each start led to an optimum;
+whether they led to different optima."""
 
 
 class _Problem(NamedTuple):
-    """min J over the closed postures of a girdle, by components."""
+    """Problem min J over the closed postures of a girdle, by components."""
 
     girdle: Girdle
     measured: Components
@@ -81,15 +81,15 @@ class _Problem(NamedTuple):
 
     @property
     def theta(self) -> Components:
-        """The adapted parameters."""
+        """Adapted parameters."""
         return adapted_components(self.girdle)
 
     def objective_gradient(self, q: Components) -> Components:
-        """W (q - s)."""
+        """Compute W (q - s)."""
         return [w * (x - s) for w, x, s in zip(self.weights, q, self.measured, strict=True)]
 
     def j_deg2(self, q: Components) -> Array:
-        """1/2 (q - s)' W (q - s)."""
+        """Compute 1/2 (q - s)' W (q - s)."""
         return 0.5 * product(self.objective_gradient(q), [x - s for x, s in zip(q, self.measured, strict=True)])
 
     def chain(self, q: Components, multipliers: Components, nearby_multipliers: Components) -> ConstraintDerivatives:
@@ -122,9 +122,9 @@ def iterate_from_two_starts(
     closing_steps: tuple[Float[Array, " problems"], Float[Array, " problems"]],
     iterations: Float[Array, " problems"],
 ) -> Lowest:
-    """Close the chain by ``closing_steps`` from each start, and fit it from there by at most ``iterations``.
+    """Close the chain by ``closing_steps`` from each start, and fit it from there in at most ``iterations``.
 
-    What from the second start leads to where the first one ended is not followed to its end.
+    A path from the second start is not followed to its end where it leads to the optimum of the first start.
     """
     problem = _Problem(girdle, list(measured), list(weights))
     each = xp.zeros_like(measured[0])
@@ -154,7 +154,7 @@ def iterate_from_two_starts(
 
 
 def _near(q: Components, known: Components) -> Array:
-    """Whether q is in the local minimum of a known optimum."""
+    """Check whether q is in the local minimum of a known optimum."""
     return largest([x - y for x, y in zip(q, known, strict=True)]) <= _SAME_MINIMUM_RAD
 
 
@@ -184,13 +184,13 @@ def _iterated(problem: _Problem, first: _State, known: Components, iterations: A
 
 
 def _last_step(end: _State, last: Array) -> tuple[Components, Components]:
-    """Where the step leads that a problem still proposes at its end, in the ``last`` problems."""
+    """Take the step that a problem still proposes at its end, in the ``last`` problems."""
     q = [xp.where(last, x + dx, x) for x, dx in zip(end.base, end.step, strict=True)]
     return q, [xp.where(last, x + dx, x) for x, dx in zip(end.multipliers, end.change, strict=True)]
 
 
 def _judged(problem: _Problem, q: Components, multipliers: Components, iterations: Array) -> PostureSolution:
-    """The conditions of an optimum there, with the closest points computed anew."""
+    """Test the optimality conditions at q, with the closest points computed anew."""
     at = problem.chain(q, multipliers, problem.closest_point_multipliers(q))
     rest = stationarity(at, problem.objective_gradient(q), multipliers) / DEG
     converged = (largest(at.g) <= CLOSED_MM.for_dtype_of(rest)) & (rest <= STATIONARY.for_dtype_of(rest))
@@ -226,9 +226,10 @@ def _iterate(problem: _Problem, known: Components, state: _State) -> _State:
 
 
 def _closed_nearby(problem: _Problem, start: Components, steps: Array) -> _State:
-    """Gauss-Newton onto the constraint surface, q <- q - G'(GG')^-1 g, so many times: a start, not a solution.
+    """Move onto the constraint surface by ``steps`` Gauss-Newton steps q <- q - G'(GG')^-1 g: a starting point, no
+    solution.
 
-    The multipliers there are those of least |W (q - s) + G' lambda|.
+    The multipliers there minimise |W (q - s) + G' lambda|.
     """
     each = xp.zeros_like(start[0])
 
@@ -238,7 +239,7 @@ def _closed_nearby(problem: _Problem, start: Components, steps: Array) -> _State
         S, inverse, _ = factorised([[product(at.G[i], at.G[j]) for j in range(i + 1)] for i in range(3)], each)
 
         def lifted(b: Components) -> Components:
-            """(GG')^-1 b."""
+            """Compute (GG')^-1 b."""
             return backward(S, [x * d for x, d in zip(forward(S, b), inverse, strict=True)])
 
         lift = lifted(at.g)

@@ -1,7 +1,7 @@
-"""Posture fits of the plain chain: many problems, from several starts, in rounds of more and more iterations.
+"""Posture fits of the chain without effects: many problems, from several starts, in rounds of more and more iterations.
 
-All of it is done in the type of the measured angles, float64 or float32. A problem that has not converged at the end is
-no failure: ``adapt.solvers.posture_fits`` goes on with it.
+All computations are in the type of the measured angles, float64 or float32. A problem that has not converged at the end
+is no failure: ``adapt.solvers.posture_fits`` continues with it.
 """
 
 from dataclasses import fields
@@ -29,27 +29,27 @@ Starts = tuple[Float[np.ndarray, "6 problems"], Float[np.ndarray, "6 problems"]]
 OFFSETS_SEED = 0
 
 OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
-"""Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
+"""Further starting points, as offsets to the measured angles. Fixed, so that a fit is reproducible."""
 
 _FAR_DEG2 = 15.0
-"""From such a J on (4 deg rms) which local minimum a path ends in is chance: a fit starts from more places. Of 3000
-simulated adaptations with noise of 4 deg 56 end with a lower E than with 200, with 0 one more. Measured postures leave
-64 with R2 as it is. Beyond 200 local minima are many: 3 % of fits end in a higher one than the lowest of 40 other
-places."""
+"""J (4 deg root mean square) from which a fit starts from more places, because chance decides in which local minimum a
+path ends. In 3000 simulated adaptations with noise of 4 deg, 56 end with a lower E than at a threshold of 200; at 0 one
+more does. Measured postures have a J of 64 with unadapted R2. Beyond 200 there are many local minima: 3 % of fits end
+in a higher one than the lowest of 40 other places."""
 
 _CLOSING_STEPS, _FAR_CLOSING_STEPS = 3.0, 6.0
-"""Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of
-what is left: 0.001 mm at simulated angles after three, 1e-12 mm 15 degrees off them after six."""
+"""Numbers of steps that close the chain before a fit, at the measured angles and at places around them. Median
+constraint violation afterwards: 0.001 mm at simulated angles after three, 1e-12 mm 15 degrees off them after six."""
 
 _LOWEST_ROUNDS = ByType((20.0, 60.0, 400.0), (20.0, 60.0))
-"""Most iterations from each of two starts: of simulated postures 995 of 1000 need
-one round, from places around 8 of 10. What float32 has not done by then it mostly cannot do."""
+"""Largest numbers of iterations from each of two starts, per round: 995 of 1000 simulated postures need one round, from
+places around them 8 of 10. Problems that float32 has not solved by then are mostly beyond it."""
 
 _ROUNDS = ByType((10, 10, 40, 400), (10, 10))
-"""Most iterations from one start alone, in each round."""
+"""Largest numbers of iterations from a single start, per round."""
 
 _TRACKING_ROUNDS = (10, 40)
-"""The same in each step along a motion."""
+"""Largest numbers of iterations of each step along a motion, per round."""
 
 
 def fit_postures(
@@ -59,8 +59,8 @@ def fit_postures(
     start: Float[np.ndarray, "6 problems"] | None = None,
     far_deg2: float = _FAR_DEG2,
 ) -> PostureSolution:
-    """Find the closed posture nearest to the measured angles (rad): from ``start`` alone, else the lowest of the optima
-    reached from several places. An angle that was not measured begins at its number in ``angles``."""
+    """Find the closed posture nearest to the measured angles (rad): from ``start`` alone, or else the lowest of the
+    optima reached from several places. An unmeasured angle begins at its value in ``angles``."""
     problem = _contiguous((girdle, angles, angle_weights(measured)))
     if start is None:
         return _from_places(problem, measured, far_deg2)
@@ -69,15 +69,16 @@ def fit_postures(
 
 
 def _from_places(problem: Problem, measured: Bool[np.ndarray, "6 problems"], far_deg2: float) -> PostureSolution:
-    """The lowest of the optima reached from the measured angles, from where the chain closes next to them and, where
-    needed, from where it closes next to two places around.
+    """Return the lowest of the optima reached from the measured angles, from the closed posture near them and, where
+    needed, from the closed postures near two places around.
 
-    They are needed where the first two starts do not lead to one optimum, or to one with a J from ``far_deg2`` on;
-    where what they find is as far, six more places are tried. In
-    float32 a problem has converged only if every start has led to an optimum: one not found there may be the lowest.
+    The two places are needed where the first two starts do not lead to one optimum, or lead to one with a J of at least
+    ``far_deg2``, or an angle was not measured. Where J is still as large, or an angle was not measured, six more places
+    are tried. In float32 a problem has converged only if every start has led to an optimum: one that was not found may
+    be the lowest.
     """
     target = problem[1]
-    # one step from the measured angles: closing is what a fit begins with there
+    # one closing step at the measured angles: a fit from there begins by closing the chain anyway
     found, settled, apart = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
     begins_at_rest = ~measured.all(axis=0)
     needed = ~settled | apart | ~found.converged | (found.j_deg2 >= far_deg2) | begins_at_rest
@@ -90,14 +91,14 @@ def _from_places(problem: Problem, measured: Bool[np.ndarray, "6 problems"], far
         further, both, _ = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
         put_lower(found, again, further)
         settled[again] &= both
-        needed &= begins_at_rest | (found.j_deg2 >= far_deg2)  # the first two places do for all others
+        needed &= begins_at_rest | (found.j_deg2 >= far_deg2)  # the first two places are enough for all others
     if target.dtype == np.float32:
         found.code[~settled] = status.UNCONVERGED
     return found
 
 
 def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[float, float]) -> Lowest:
-    """The lower optimum; a problem where a start has not led to one begins anew, with more iterations."""
+    """Return the lower optimum; a problem where a start has not led to an optimum begins anew, with more iterations."""
 
     def found(problem: Problem, starts: Starts, iterations: float) -> Lowest:
         one, other, most = (np.full(starts[0].shape[1], x) for x in (*closing_steps, iterations))
@@ -111,7 +112,8 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
 
 
 def track_postures(steps: int, girdle: Girdle, angles, measured, angles_before, start) -> PostureSolution:
-    """Follow the optimum from ``start`` while the measured angles go straight to the next posture (continuation)."""
+    """Follow the optimum from ``start`` while the measured angles move in a straight line to the next posture
+    (continuation)."""
     girdle, target, weights = _contiguous((girdle, angles, angle_weights(measured)))
     here: Any = start, np.zeros_like(start[:3])
     arrived = np.ones(start.shape[1], bool)
@@ -124,11 +126,11 @@ def track_postures(steps: int, girdle: Girdle, angles, measured, angles_before, 
 
 
 _BEGINNING = ("angles", "multipliers")
-"""What a round begins with."""
+"""Fields of a result with which the next round begins."""
 
 
 def _contiguous(problem: Problem) -> Problem:
-    """And of the type of the measured angles; once, instead of in each call of a kernel."""
+    """Make arrays contiguous and of the type of the measured angles; once, instead of in each call of a kernel."""
     return jax.tree.map(lambda x: np.ascontiguousarray(x, problem[1].dtype), problem)
 
 
@@ -138,12 +140,12 @@ def _numbers_of_girdle() -> Girdle:
 
 
 GIRDLE: Any = _numbers_of_girdle()
-"""Shapes of a girdle's numbers, for ``adapt.engine.kernel``."""
+"""Shapes of the fields of a girdle, for ``adapt.engine.kernel``."""
 
 _SOLUTION: Any = PostureSolution(*("6", "3", "3", "", "", "int", "int", "bool"))  # type: ignore[arg-type]
 
 _LANES = 4096
-"""Postures in a chunk of a program of JAX."""
+"""Number of postures per chunk of a JAX program."""
 
 postures_kernel = Kernel("postures", iterate, (GIRDLE, "6", "6", ("6", "3", "bool"), ""), _SOLUTION, _LANES)
 

@@ -1,17 +1,18 @@
-"""The adaptation of the plain chain: adapted parameters and all postures of a subject at once (thesis Eq. 6.5).
+"""Adaptation of the chain without effects: adapted parameters and all postures of a subject at once (thesis Eq. 6.5).
 
     minimise  D(theta) + sum_p 1/2 (q_p - s_p)' W_p (q_p - s_p),   g(q_p, theta) = 0 for every posture p,
     lower <= theta <= upper
 
-with W_p the weight (w / postures) of J_p. Its optimality conditions have an arrow shape: one 9 x 9 block a posture,
-bordered by theta; the optimum is the nested one. Derivatives by hand (``models.derivatives``), every array one
-component. Each iteration evaluates once and eliminates the postures (``adapt.solvers.newton.elimination``); theta
-minimises what is left, a quadratic model, within its bounds and a trust radius (``_box_minimum``). The length of the
-step is found by backtracking (``adapt.solvers.newton.backtracking``) on the augmented Lagrangian
-E + lambda'g + 1/2 g' s g,  which needs no more than g: a refused point costs one evaluation.
+with W_p the weight (w / postures) of J_p. The optimality conditions have an arrow shape: one 9 x 9 block per posture,
+bordered by theta; their solution is the nested optimum. Derivatives are hand-written (``models.derivatives``), every
+array is one component. Each iteration evaluates once and eliminates the postures
+(``adapt.solvers.newton.elimination``); theta minimises the remaining quadratic model within its bounds and a trust
+radius (``_box_minimum``). Backtracking (``adapt.solvers.newton.backtracking``) finds the step length on the augmented
+Lagrangian E + lambda'g + 1/2 g' s g, which needs no more than g: a rejected point costs one evaluation.
 
-One kernel function for the engines of ``motions.arrays``: what is done to a posture or a thorax point is a function of
-one of them. A problem that does not end here is no failure: ``adapt.solvers.projection`` goes on with it.
+One kernel function serves the engines of ``motions.arrays``: the operations on postures and thorax points are functions
+of one posture or one point. A problem that does not converge here is no failure: ``adapt.solvers.projection`` continues
+with it.
 """
 
 from typing import Any, NamedTuple
@@ -49,11 +50,11 @@ from motions.arrays import Array, ByType, repeat, xp
 from motions.rotations import DEG
 
 _THETA_FLOOR = ByType(1e-9, 1e-6)
-"""Smallest pivot of the matrix in theta, relative to its largest entry; a raised one leads to the trust radius."""
+"""Smallest pivot of the matrix in theta, relative to its largest entry; a raised pivot leads to the trust radius."""
 
 _FLAT = ByType(THETA_TOLERANCE, 5e-5)
-"""|dE/dtheta| of a converged free parameter. In float32 rounding leaves 1e-5: 0.1 mm in the flattest direction that is
-told from none, of a curvature of ``_THETA_FLOOR`` times 1e2."""
+"""Tolerance of |dE/dtheta| for a free parameter. In float32 rounding leaves 1e-5: 0.1 mm in the flattest direction that
+is distinguished from a flat one, with a curvature of ``_THETA_FLOOR`` times 1e2."""
 
 _FIRST_RADIUS_MM, _LEAST_RADIUS_MM = 15.0, 0.01
 
@@ -61,27 +62,27 @@ _GROWTH = 2.0
 """Factor on the trust radius after a full step."""
 
 _ACTIVE_SETS = 5
-"""Changes of the set of parameters at a bound within one step."""
+"""Number of changes of the active set within one step."""
 
 _COORDINATE_STEPS = 8
-"""Rounds of steps along each parameter alone after them: a third fewer problems need a second round of the fast
-path."""
+"""Rounds of coordinate steps after the active sets: with them a third fewer problems need a second round of
+iterations."""
 
 
 class SubjectProblem(NamedTuple):
-    """What data and model fix of an adaptation."""
+    """Data and model of an adaptation."""
 
     girdle: Girdle
     points_mm: Float[Array, " 3 points problems"]
     point_weights: Float[Array, " points problems"]
     levels_mm: Float[Array, " points problems"]
-    """Distance to the ellipsoid that each point should have: 0 for a thorax point."""
+    """Nominal distance of each point to the ellipsoid: 0 for a thorax point."""
     angles: Float[Array, " 6 postures problems"]
-    """s, rad, finite everywhere."""
+    """Measured angles s, rad, finite everywhere."""
     weights: Float[Array, " 6 postures problems"]
-    """W, with w / postures in it: E per rad^2. Zero for angles not measured."""
+    """W, including w / postures: E per rad^2. Zero for unmeasured angles."""
     counted: Bool[Array, " postures problems"]
-    """False for padding: a copy of some posture, solved along, that has no part in E."""
+    """False for padding: a copy of some posture that is solved too and has no part in E."""
     lower: Float[Array, " adapted problems"]
     upper: Float[Array, " adapted problems"]
 
@@ -92,47 +93,47 @@ Start = tuple[
     Float[Array, " 3 postures problems"],
     Bool[Array, " problems"],
 ]
-"""Parameters, angles, multipliers, and what has converged there already."""
+"""Parameters, angles, multipliers, and the mask of problems that have already converged there."""
 
 
 class _Posture(NamedTuple):
-    """The last accepted point of a posture, and the step from it."""
+    """Last accepted point of a posture, and the step from it."""
 
     q: Components
     multipliers: Components
     dq: Components
     change: Components
-    """Of the multipliers."""
+    """Change of the multipliers in the step."""
     target: Components
-    """Multipliers at the end of the full step: those of the merit."""
+    """Multipliers at the end of the full step, which the merit uses."""
     range_space_penalty: Components
     closest_point_multipliers: Components
-    """t of TS and AI."""
+    """Multipliers t of the closest points of TS and AI."""
 
 
 class _State(NamedTuple):
-    """The last accepted point of a subject, the step from it and how much of it is tried now."""
+    """Last accepted point of a subject, the step from it, and the share of the step that is tried."""
 
     theta: Components
     dtheta: Components
     length: Array
     merit: Array
-    """Of the accepted point; infinite before the first evaluation."""
+    """Merit of the accepted point; infinite before the first evaluation."""
     radius_mm: Array
     iterations: Array
     converged: Array
-    """The accepted point meets the tolerances of an optimum."""
+    """True where the accepted point meets the tolerances of an optimum."""
 
 
 class _Sums(NamedTuple):
-    """What the postures, or the points, add up to."""
+    """Sums over the postures, or over the points."""
 
     E: Array
     augmented: Array
     slope: Components
     """dE/dtheta."""
     right: Components
-    """The same after the postures' own steps."""
+    """dE/dtheta after the postures' own steps."""
     matrix: list[Components]
     """Lower triangle of the system in theta."""
 
@@ -168,7 +169,7 @@ def iterate(problem: SubjectProblem, start: Start, iterations: Float[Array, " pr
 
     state, postures, points = until_converged(advance, (state, postures, points), iterations)
 
-    # The step that a converged problem still proposes is taken too: quadratically, nothing but rounding is left then.
+    # The step that a converged problem still proposes is taken too: convergence is quadratic, so only rounding is left.
     last = state.converged & ~already
     theta = [xp.where(last, x + dx, x) for x, dx in zip(state.theta, state.dtheta, strict=True)]
 
@@ -194,19 +195,19 @@ def iterate(problem: SubjectProblem, start: Start, iterations: Float[Array, " pr
 
 
 def _objective_gradient(weights, q, measured) -> Components:
-    """W (q - s)."""
+    """Compute W (q - s)."""
     return [w * (x - s) for w, x, s in zip(weights, q, measured, strict=True)]
 
 
 def _slope(at, multipliers: Components) -> Components:
-    """What a posture adds to dE/dtheta: T' lambda."""
+    """Compute the contribution of a posture to dE/dtheta, T' lambda."""
     return [at.T[0][k] * multipliers[0] + at.T[1][k] * multipliers[1] for k in range(len(ELLIPSOID))] + [
         -multipliers[2]
     ]
 
 
 def _free(problem: SubjectProblem, theta: Components, slope: Components) -> Components:
-    """dE/dtheta, 0 for a parameter that it pushes beyond its bound."""
+    """Return dE/dtheta, 0 for a parameter that it pushes beyond its bound."""
     return [
         xp.where(((x <= low) & (b > 0.0)) | ((x >= high) & (b < 0.0)), 0.0, b)
         for x, low, high, b in zip(theta, problem.lower, problem.upper, slope, strict=True)
@@ -225,14 +226,14 @@ def point_multiplier(girdle: Girdle, theta: Components, point, near: Array | Non
 
 
 def point_distance(girdle: Girdle, theta: Components, point, level, t: Array) -> tuple[Array, Components, Distance]:
-    """Compute how far a point is from its level, mm, with its slopes in the ellipsoid's parameters, and what they are
-    made of; t: of its closest point."""
+    """Compute the distance of a point from its level, mm, with its slopes in the ellipsoid's parameters, and the
+    ``Distance`` behind them; t is the multiplier of the closest point."""
     at = distance(*_from_centre(girdle, theta, point), t)
     return at.d - level, ellipsoid_slope(at), at
 
 
 def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vector]:
-    """The point from the ellipsoid's centre at theta, and the semi-axes there, mm."""
+    """Return the point relative to the ellipsoid's centre at theta, and the semi-axes there, mm."""
     centre, semi_axes = ellipsoid_components(girdle, theta)
     return (point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]), semi_axes
 
@@ -323,17 +324,17 @@ def _iterate(
 def _box_minimum(
     matrix: list[Components], slope: Components, low: Components, high: Components
 ) -> tuple[Components, Array]:
-    """The minimum of 1/2 x' matrix x + slope' x over low <= x <= high, and whether matrix was positive definite.
+    """Find the minimum of 1/2 x' matrix x + slope' x over low <= x <= high, and whether matrix was positive definite.
 
-    Active sets: solve with some parameters fixed at a bound, fix those that come out beyond one, release those whose
-    slope there points inward; mostly two or three rounds. A clipped free step would leave the others where they are
-    good for a parameter that never came: the reason of this function. Where the sets go round in circles, steps along
-    one parameter at a time lower what they left.
+    Active sets: solve with some parameters fixed at a bound, fix those that leave their bounds, release those whose
+    slope points inward; two or three rounds are mostly enough. Clipping the free step instead would leave the other
+    parameters at values that fit the unclipped parameter. Where the active sets cycle, steps along one parameter at a
+    time reduce the model further.
     """
     size = largest([x for row in matrix for x in row])
 
     def pushed(x):
-        """slope + matrix x."""
+        """Compute slope + matrix x."""
         return [b + product([matrix[max(i, j)][min(i, j)] for j in range(len(slope))], x) for i, b in enumerate(slope)]
 
     def with_fixed(below, above):

@@ -1,4 +1,4 @@
-"""Whole subjects of the plain chain on the engine: rounds of more and more iterations."""
+"""Adaptations of the chain without effects on the engine, in rounds of more and more iterations."""
 
 from typing import Any
 
@@ -13,11 +13,11 @@ from models.adapted_parameters import ADAPTED
 from motions.arrays import ByType
 
 _CHUNK = 256
-"""Subjects in a chunk of a compiled program: 14 postures of each are 30 kB an array."""
+"""Number of subjects per chunk of a compiled program: with 14 postures each an array has 30 kB."""
 
 _ROUNDS = ByType((10, 10, 20, 20, 400), (10, 10, 20))
-"""Most iterations of each round. Measured on simulated subjects, 8 of 10 problems need one round, 199 of 200 four; the
-others, one of whose postures is at no strict minimum, converge linearly, which is left to float64."""
+"""Largest numbers of iterations, per round. On simulated subjects 8 of 10 problems need one round, 199 of 200 four; the
+others have a posture at no strict minimum and converge linearly, which is left to float64."""
 
 _THETA = f"{len(ADAPTED)}"
 
@@ -35,7 +35,7 @@ subjects_kernel = Kernel(
 
 
 def fit_subjects(problem: SubjectProblem, theta, angles) -> SubjectSolution:
-    """Iterate from one start in the type of the measured angles; ``converged`` says where that was enough."""
+    """Iterate from one start in the type of the measured angles; check ``converged``."""
     multipliers = np.zeros((3, *angles.shape[1:]))
     given = as_type(((problem,), (theta, angles, multipliers)), problem.angles.dtype)
     rounds = _ROUNDS.for_dtype_of(problem.angles)

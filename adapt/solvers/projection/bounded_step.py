@@ -1,10 +1,11 @@
-"""The quadratic model of many adaptations that share amplitudes, solved exactly with its bounds.
+"""Exact minimum, within bounds, of the quadratic model of many adaptations that share amplitudes.
 
-Part i has adapted parameters theta_i of its own; the parts of a group share the amplitudes a. Of
+Part i has its own adapted parameters theta_i; the parts of a group share the amplitudes a. In the model
 
     sum_i (1/2 d_i' H_i d_i + g_i' d_i) + 1/2 (a - a_now)' P (a - a_now) + p' (a - a_now),   d_i = (dtheta_i, da),
 
-theta_i is eliminated in each part (6 x 6), then each group solves for da. Bounds by the primal-dual active set.
+theta_i is eliminated from each part (6 x 6), then each group is solved for da. A primal-dual active set handles the
+bounds.
 """
 
 import numpy as np
@@ -15,11 +16,12 @@ from models.adapted_parameters import ADAPTED
 _N = len(ADAPTED)
 
 _MOST_CHANGES = 40
-"""Of the active set; each costs another elimination. A step that runs into this is cut at the bounds."""
+"""Largest number of changes of the active set; each costs another elimination. A step that reaches this limit is cut at
+the bounds."""
 
 _ALL_AT_ONCE = 8
-"""Changes of the active set in which each part changes all that it should; then one parameter of a part at a time, or
-half of the steps from ten simulated subjects go round in circles."""
+"""Number of changes of the active set in which each part exchanges all parameters that are wrong. Later changes
+exchange one parameter per part; otherwise half of the steps from ten simulated subjects would cycle."""
 
 _AT_BOUND_MM = 1e-9
 
@@ -35,20 +37,21 @@ def lowest(
     prior_matrix: Float[np.ndarray, "amplitudes amplitudes #groups"],
     room: tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted parts"]],
 ) -> tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "amplitudes groups"]]:
-    """Find the lowest point, dtheta and da.
+    """Find the minimum, dtheta and da.
 
-    ``group``: of each part, in ascending order. ``room``: how far each parameter may go down (negative) and up.
+    ``group``: group of each part, in ascending order. ``room``: distances of each parameter to its lower bound
+    (negative) and to its upper bound.
     """
     model, p, (low, high) = (gradient.T, np.moveaxis(matrix, -1, 0), group), prior_gradient.T, (one.T for one in room)
     at_low = low >= -_AT_BOUND_MM
     fixed, value = at_low | (high <= _AT_BOUND_MM), np.where(at_low, low, high)
     P = np.broadcast_to(np.moveaxis(prior_matrix, -1, 0), (len(p), *prior_matrix.shape[:2]))
     dtheta, da = np.zeros(low.shape), np.zeros(p.shape)
-    parts, some = np.arange(len(low)), np.arange(len(p))  # of the groups that are left
+    parts, some = np.arange(len(low)), np.arange(len(p))  # parts and groups that have not ended
     for number in range(_MOST_CHANGES):
         of_parts: _Model = model[0][parts], model[1][parts], group[parts]
         dtheta[parts], da[some], towards = _lowest_given(of_parts, p[some], P[some], fixed[parts], value[parts])
-        # where the multiplier and the way beyond the bound agree on it (Hintermueller, Ito and Kunisch 2003)
+        # active where value less multiplier over curvature is beyond the bound (Hintermueller, Ito and Kunisch 2003)
         below, above = towards < low[parts] - _AT_BOUND_MM, towards > high[parts] + _AT_BOUND_MM
         different = (below | above) != fixed[parts]
         changed = different.any(axis=1)
@@ -65,8 +68,8 @@ def lowest(
 
 
 def _lowest_given(model: _Model, prior_gradient, prior_matrix, fixed, value) -> tuple[np.ndarray, ...]:
-    """Find the lowest point, dtheta and da, with some parameters held at a value; and dtheta less slack over curvature,
-    which is beyond a bound where it holds."""
+    """Find the minimum, dtheta and da, with some parameters fixed at a value. The third result, dtheta less multiplier
+    over curvature, is beyond a bound where the bound is active."""
     gradient, matrix, group = model
     own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
     free, held = ~fixed, np.where(fixed, value, 0.0)
@@ -88,5 +91,5 @@ def _lowest_given(model: _Model, prior_gradient, prior_matrix, fixed, value) -> 
 
 
 def _times(matrix: Float[np.ndarray, "parts m n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
-    """Multiply the matrix of every part with its vector: (parts, m)."""
+    """Multiply the matrix of every part by its vector: (parts, m)."""
     return (matrix @ vector[..., None])[..., 0]

@@ -1,4 +1,4 @@
-"""The loop of damped steps of many groups side by side: each has a damping of its own and ends on its own."""
+"""Loop of damped steps of many groups side by side: each group has its own damping and ends on its own."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -9,28 +9,28 @@ from jaxtyping import Bool, Float
 from adapt.engine.batching import take_problems, with_problems
 
 _FEW = 0.75
-"""Share of the groups below which those that are going on do so without the others: leaving them costs a copy."""
+"""Share of unfinished groups below which these go on without the finished ones: the separation costs a copy."""
 
 STUCK = 0.1
-"""A step with more damping than this is short because it must be, not because it is the last."""
+"""Damping above which a step is short because of the damping, not because of convergence."""
 
 
 _GOOD, _POOR, _MORE_AFTER_POOR = 0.75, 0.25, 2.0
-"""Shares of the decrease that is expected, as of trust regions (More 1978): after a step that goes down by less than
-the first the next is no longer, by less than the second it is shorter."""
+"""Two ratios of actual to predicted decrease, as in trust-region methods (More 1978), and a factor on the damping.
+After a step below the first ratio the damping stays the same, below the second ratio the factor increases it."""
 
 
 class Damping(NamedTuple):
-    """How the damping of a group goes along its steps."""
+    """Rule for the damping of a group from step to step."""
 
     less: float
-    """Factor after a step down; below ``least`` it is 0."""
+    """Factor after a step down; below ``least`` the damping becomes 0."""
     more: float
-    """After a step up."""
+    """Factor after a step up."""
     least: float
     least_after_failure: float
     hopeless: float
-    """A group that needs more stands at a wall: it ends there."""
+    """Damping above which a group cannot descend, as at a wall, and ends."""
 
     def after(
         self,
@@ -38,7 +38,7 @@ class Damping(NamedTuple):
         better: Bool[np.ndarray, " groups"],
         share: Float[np.ndarray, " groups"] | float = 1.0,
     ) -> Float[np.ndarray, " groups"]:
-        """Give the damping of the next step. ``share``: what a step went down of what was expected of it."""
+        """Compute the damping of the next step. ``share``: ratio of actual to predicted decrease of a step."""
         less = damping * self.less * (damping > self.least)
         poor = np.maximum(damping * _MORE_AFTER_POOR, self.least_after_failure)
         after_down = np.where(share > _GOOD, less, np.where(share > _POOR, damping, poor))
@@ -46,14 +46,14 @@ class Damping(NamedTuple):
 
 
 Steps = tuple[Any, Any, Any]
-"""Where all groups are: trees of arrays with the rows, the parts or the groups as their last axis. Those of the groups
-say which are ``going``, not at their end yet."""
+"""State of all groups: trees of arrays with the rows, the parts or the groups as their last axis. The tree of the
+groups has ``going``: True where a group has not ended."""
 
 
 def until_ended(objective: Any, steps: Steps, step: Callable[[Any, Steps], Steps], most_steps: int) -> Steps:
-    """Take at most so many steps; once enough groups have ended the others go on without them.
+    """Take at most ``most_steps`` steps; once enough groups have ended, the others go on without them.
 
-    ``objective``: what the steps go down on, with its ``parts``; ``of`` takes some of its groups.
+    ``objective``: function that the steps minimise, with its ``parts``; its method ``of`` selects groups.
     """
     while most_steps and (going := steps[-1].going).any():
         if going.mean() <= _FEW:

@@ -3,9 +3,9 @@
     a* = argmin_a sum_i min_theta E_i(theta, a) + sum ((a - mean) / scale)^2,   E_i = D + w mean(J_p) within bounds
 
 J_p is the squared distance to the nearest closed posture, so its slope in theta and a needs no derivative of that
-posture (envelope theorem), and damped Gauss-Newton steps with y of ``projection.nearest_posture`` follow; the rest of
-the curvature is learnt on the way (``projection.secant``). Part i is one subject with the postures that it is adapted
-to; the parts of a group share a.
+posture (envelope theorem). Damped Gauss-Newton steps with y of ``projection.nearest_posture`` minimise E; secant
+updates estimate the rest of the Hessian (``projection.secant``). Part i is one subject with the postures to which it is
+adapted; the parts of a group share a.
 """
 
 from collections.abc import Callable
@@ -29,72 +29,80 @@ _N = len(ADAPTED)
 
 _OPEN_MM = 0.05
 _OPEN_COST = 100.0
-"""A posture whose chain stays open by more than this costs the square of it, mm^2, times this: a wall, not a slope."""
+"""Constraint violation, mm, above which a posture has an extra cost in E, and the cost per squared violation, mm^2: a
+wall that has no gradient."""
 
 _FIRST_DAMPING = 1e-3
 
 _DAMPING = Damping(less=0.1, more=30.0, least=0.0, least_after_failure=1e-2, hopeless=1e8)
 
 _SAME = 1e-12
-"""Relative rounding of E: a step that changes it by less is no step up."""
+"""Relative rounding of E: a smaller rise does not reject a step."""
 
 _ENOUGH, _ROUGHEST = 1e-5, 1e-4
-"""A posture is near enough where a projection moves it by less than so many SDs a unit of slope (mm^2 a mm) that
-its part had before the step, and by less than the roughest: 3000 adaptations took the same steps as with none."""
+"""Tolerance of the projections of a posture, in SDs: the first number per unit of the slope (mm^2 per mm) that its part
+had before the step, at most the second. 3000 adaptations took the same steps as without this relaxation."""
 
 
 class End(NamedTuple):
-    """Where the steps ended."""
+    """End of the steps."""
 
     theta_mm: Float[np.ndarray, "adapted parts"]
     amplitude: Float[np.ndarray, "own groups"]
     E: Float[np.ndarray, " parts"]
     nearest: Nearest
-    """With slopes in the amplitudes in place of channels."""
+    """Nearest postures, with slopes in the amplitudes in place of the channels."""
     slope: Float[np.ndarray, "adapted parts"]
-    """dE/dtheta, 0 where a bound holds it."""
+    """dE/dtheta, 0 where a bound holds the parameter."""
     steps: Int[np.ndarray, " groups"]
     settled: Bool[np.ndarray, " groups"]
 
 
 Finished = Callable[[Float[np.ndarray, " groups"], Float[np.ndarray, "adapted parts"]], Bool[np.ndarray, " groups"]]
-"""Which groups are, by the last gain of each and the slopes in theta of their parts."""
+"""Function that returns which groups have converged, from the last gain of each and the slopes in theta of its
+parts."""
 
 
 def cost_of_open_chains(near: Nearest) -> Float[np.ndarray, " rows"]:
-    """Compute what each posture costs whose chain does not close."""
+    """Compute the extra cost of each posture whose chain does not close."""
     return np.where(near.open_mm > _OPEN_MM, _OPEN_COST * np.minimum(near.open_mm, 1.0) ** 2, 0.0)
 
 
 def newly_open(before: Nearest, after: Nearest) -> Bool[np.ndarray, " rows"]:
-    """Tell which postures a step leaves with a chain that cannot close, and whose was closed. There a projection ends
-    anywhere, by the last digit of where it began: with such steps the same data have other minima on other machines."""
+    """Return the postures whose chain a step leaves open, although it was closed before. A projection that cannot close
+    the chain ends anywhere, depending on rounding of its starting point: with such steps the same data have other
+    minima on other machines."""
     return (before.open_mm <= _OPEN_MM) & (after.open_mm > _OPEN_MM)
 
 
 class _OfParts(NamedTuple):
+    """State of every part."""
+
     theta: Float[np.ndarray, "adapted parts"]
     E: Float[np.ndarray, " parts"]
     thorax: ThoraxTerms
     gradient: Float[np.ndarray, "n parts"]
     matrix: Float[np.ndarray, "n n parts"]
-    """Of Gauss-Newton."""
+    """Gauss-Newton matrix."""
     slope: Float[np.ndarray, "adapted parts"]
     rest: Float[np.ndarray, "n n parts"]
-    """Of the curvature, beside the matrix."""
+    """Rest of the Hessian, beyond the Gauss-Newton matrix."""
     moved: Float[np.ndarray, "n parts"]
-    """By the last step; and the gradient before it."""
+    """Change of theta and the amplitudes in the last step; ``before`` is the gradient before that step."""
     before: Float[np.ndarray, "n parts"]
     taken: Bool[np.ndarray, " parts"]
-    """Whether the last step was."""
+    """True where the last step was accepted."""
 
 
 class _OfGroups(NamedTuple):
+    """State of every group."""
+
     a: Float[np.ndarray, "own groups"]
     total: Float[np.ndarray, " groups"]
     damping: Float[np.ndarray, " groups"]
     gain: Float[np.ndarray, " groups"]
-    """By the last step, as the quadratic model has it: near the optimum the rounding of E is more."""
+    """Decrease of E in the last step, as the quadratic model predicts it: near the optimum the rounding of E is
+    larger."""
     steps: Int[np.ndarray, " groups"]
     settled: Bool[np.ndarray, " groups"]
     going: Bool[np.ndarray, " groups"]
@@ -113,17 +121,17 @@ class Objective:
 
     @cached_property
     def _places(self) -> Int[np.ndarray, "some own rows"]:
-        """Where the channels of amplitudes are among those of all rows, channel by channel."""
+        """Indices of the channels of the amplitudes among the strengths of all rows, channel by channel."""
         rows = len(self._group)
         return rows * self.shared.channels[..., self._group] + np.arange(rows)
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Objective":
-        """Take some groups."""
+        """Select some groups."""
         rows = groups[self.parts.group][self.parts.part]
         return Objective(self.parts.of(groups), self.shared.of(groups, rows))
 
     def _strengths(self, a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "channels rows"]:
-        """Give the strengths of the effects in all rows."""
+        """Compute the strengths of the effects in all rows."""
         strengths = self.parts.strengths
         if not self._places.size:
             return strengths
@@ -135,20 +143,20 @@ class Objective:
         return self.parts.nearest(theta, self._strengths(a), start, there)
 
     def with_whole_slopes(self, theta, a, near: Nearest) -> Nearest:
-        """Replace the slopes of y by those that follow the nearest postures."""
+        """Replace the slopes of y by those that include the movement of the nearest postures."""
         return self.parts.with_whole_slopes(theta, self._strengths(a), near)
 
     def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
-        """Evaluate it: nearest postures, with slopes in the amplitudes in place of channels, E of every part, and D
-        with its slopes."""
+        """Evaluate E: return the nearest postures, with slopes in the amplitudes in place of the channels, E of every
+        part, and D with its slopes."""
         parts, near = self.parts, self.nearest(theta, a, start, there)
-        near = near._replace(by_channel=self.by_amplitude(near))  # fewer, of which steps make copies
+        near = near._replace(by_channel=self.by_amplitude(near))  # fewer numbers, because every step copies them
         thorax = parts.thorax(theta)
         E = thorax[0] + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
         return near, np.where(np.isfinite(E), E, np.inf), thorax
 
     def total(self, E: Float[np.ndarray, " parts"], a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, " groups"]:
-        """Add up the parts of every group, and the prior of its amplitudes."""
+        """Sum E over the parts of every group, and add the prior of its amplitudes."""
         prior = (((a - self.shared.mean) / self.shared.scale) ** 2).sum(axis=0)
         return np.bincount(self.parts.group, E, a.shape[1]) + prior
 
@@ -165,14 +173,14 @@ class Objective:
         return gradient, matrix
 
     def by_amplitude(self, near: Nearest) -> Float[np.ndarray, "3 own rows"]:
-        """Give dy in the amplitudes."""
+        """Return the derivatives of y with respect to the amplitudes."""
         return (near.by_channel.reshape(3, -1).take(self._places, axis=1) * self.shared.columns).sum(axis=1)
 
     def step(
         self, gradient, matrix, theta, a, damping: Float[np.ndarray, " groups"]
     ) -> tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "own groups"], Float[np.ndarray, " groups"]]:
-        """Find the lowest point of the damped quadratic model within the bounds, and half of what the slope there falls
-        by; the matrix is changed."""
+        """Find the minimum of the damped quadratic model within the bounds, and the predicted decrease (half of
+        -gradient' step); the matrix is changed in place."""
         parts, shared = self.parts, self.shared
         trace = np.einsum("iip->p", matrix[:_N, :_N])
         matrix[range(_N), range(_N)] += damping[parts.group] * trace
@@ -196,7 +204,8 @@ def minimise(
     most_steps: int,
     start: Float[np.ndarray, "6 rows"] | None = None,
 ) -> End:
-    """Step until every group is ``finished``; each has its own damping, and stays where it is then."""
+    """Take steps until every group is ``finished``; each group has its own damping and stays unchanged once
+    finished."""
     objective = Objective(parts, shared)
     first = _begin(objective, np.clip(theta_mm, *parts.bounds_mm), np.array(amplitude), start, finished)
     near, of_parts, of_groups = until_ended(objective, first, partial(_stepped, finished), most_steps)
@@ -216,7 +225,7 @@ def _begin(objective: Objective, theta, a, start, finished: Finished) -> Steps:
 
 
 def _unheld(parts: Parts, theta, gradient) -> Float[np.ndarray, "adapted parts"]:
-    """The slope in theta, 0 where a bound holds it."""
+    """Return the slope in theta, 0 where a bound holds the parameter."""
     (lower, upper), own = parts.bounds_mm, gradient[:_N]
     return np.where(((theta <= lower) & (own > 0)) | ((theta >= upper) & (own < 0)), 0.0, own)
 
@@ -227,7 +236,7 @@ def _judged(groups: _OfGroups, slope, finished: Finished) -> _OfGroups:
 
 
 def _stepped(finished: Finished, objective: Objective, steps: Steps) -> Steps:
-    """Take a step in every group that is going on, if it leads down; else damp it more."""
+    """Take a step in every unfinished group if it descends; else increase the damping."""
     parts, (near, own, groups) = objective.parts, steps
     learnt = secant(own.rest, own.matrix, own.moved, own.gradient - own.before)
     rest = np.where(own.taken, learnt, 0.0)

@@ -1,7 +1,7 @@
-"""The chain near measured postures: the closed posture nearest to each, and how it moves with parameters and effects.
+"""The chain near measured postures: the closed posture nearest to each, and its slopes in parameters and effects.
 
-One compiled function for all candidate effects at once, each with strength zero where it is not active, so that no
-hypothesis needs a compilation of its own.
+One compiled function serves all candidate effects at once, with strength zero where an effect is not active, so that no
+hypothesis needs its own compilation.
 """
 
 import functools
@@ -27,66 +27,68 @@ from motions.arrays import Array
 from motions.rotations import DEG
 
 _MOST_STEPS = 150
-"""Projections onto the constraints. Each takes the distance to the nearest posture down by the curvature of the
-constraints times the gap, some tenth; of a chain that does not close they go on for ever."""
+"""Largest number of projections onto the constraints. Each multiplies the distance to the nearest posture by the
+curvature of the constraints times the gap, some tenth; where the chain does not close, only this limit ends them."""
 
 THERE = 1e-11
-"""A projection that moves no angle by more of its SD ends them. |y|^2 is stationary there: its error goes with the
-square."""
+"""Tolerance, in SDs of each angle, of the step of the last projection. |y|^2 is stationary there: its error is
+quadratic in this tolerance."""
 
 _SHORTEST, _LONGEST = 1.0 / 16.0, 16.0
-"""Of the part of a projection along the constraints that is taken: 1 where they are straight, less where they bend
-away from the measured posture, more where they bend round it."""
+"""Bounds of the step length of a projection along the constraints: 1 where the constraints are straight, less where
+they bend away from the measured posture, more where they bend round it."""
 
 _LONGEST_STEP_RAD = 25.0 / float(DEG)
-"""A projection moves no angle farther: beyond it the constraints are no longer nearly straight."""
+"""Largest step of an angle in a projection: beyond it the constraints are no longer nearly straight."""
 
 _FAR = 1e6
 
 _MOST_CLOSING_STEPS, _FIRST_DAMPING = 120, 1e-3
 
 _FOLD = 1.0 / 30.0
-"""A nearest posture that is held by less than this share of what holds it where constraints are straight moves by more
-than thirty times as far, and next to it there is none: such slopes say nothing of a step."""
+"""Smallest curvature of the distance along the constraints, relative to straight constraints, for which the slopes
+include the movement of the nearest posture. Below it, near a fold, that posture moves more than thirty times as far as
+with straight constraints and ceases to exist close by: its slopes do not predict a step."""
 
 _STEEPEST = 1e4
-"""SDs a millimetre, or a unit of strength: thirty times less is the most of any fold. Steeper than this are only frames
-whose middle angle is 90 degrees, where a course that follows their angles has no derivative."""
+"""Largest slope of y, SDs per millimetre or per unit of strength; any fold has at most a thirtieth of it. Only frames
+whose middle angle is 90 degrees exceed it, where a basis over their angles has no derivative."""
 
 _AT_REST_RAD, _CLOSED_MM = 1e-10, 1e-12
-"""Step at which the closing of a chain has come to rest, and a chain that is closed to rounding."""
+"""Tolerances of closing a chain: the step at which it has come to rest, and the constraint violation that is only
+rounding."""
 
 NO_CHANNELS = 1
-"""Of strengths where there are no effects: machine code has no empty arguments."""
+"""Number of channels where there are no effects: machine code has no empty arguments."""
 
 _CHUNK = 256
-"""Rows that XLA works on at a time."""
+"""Number of rows per chunk of an XLA program."""
 
 
 class Nearest(NamedTuple):
-    """The closed postures x nearest to measured ones s.
+    """Closed postures x nearest to measured ones s.
 
     y = V^-1/2 (g + G (s - x)) with V = G S^2 G', all at x: |y|^2 is the squared distance in units of the SDs S, and
     x = s - S^2 B' y with B = V^-1/2 G. S of a measured angle is a degree.
     """
 
     angles: Float[np.ndarray, "6 rows"]
-    """x, rad."""
+    """Angles x, rad."""
     y: Float[np.ndarray, "3 rows"]
     by_theta: Float[np.ndarray, "3 adapted rows"]
-    """dy a mm of each adapted parameter."""
+    """Slopes of y per mm of each adapted parameter."""
     by_channel: Float[np.ndarray, "3 channels rows"]
-    """dy a unit of strength in each channel of each effect; no channels where their strengths are known."""
+    """Slopes of y per unit of strength in each channel of each effect; no channels where their strengths are known."""
     B: Float[np.ndarray, "3 6 rows"]
-    """A rad."""
+    """B, per rad."""
     g_mm: Float[np.ndarray, "3 rows"]
-    """A1-A3 at x: not 0 where no closed posture was found."""
+    """Constraints A1-A3 at x: not 0 where no closed posture was found."""
     h: Float[np.ndarray, "3 rows"]
-    """V^-1/2' y: what one millimetre of each constraint costs of |y|^2 / 2."""
+    """V^-1/2' y: cost of one millimetre of each constraint in |y|^2 / 2."""
 
     @property
     def open_mm(self) -> Float[np.ndarray, " rows"]:
-        """How far the chain is open at most."""
+        """Largest constraint violation."""
         return np.abs(self.g_mm).max(axis=0)
 
 
@@ -101,11 +103,11 @@ def nearest_postures(
     there: float | Float[np.ndarray, " rows"] = THERE,
     unmeasured_sd: float = UNMEASURED_SD,
 ) -> Nearest:
-    """Find the nearest closed posture of every row, by projections from ``start``, else from the angles, rad.
+    """Find the nearest closed posture of every row, by projections from ``start``, or else from the angles, rad.
 
-    ``girdle``: (component, rows), adapted. Strengths that are known need no slopes. ``there``: a projection that moves
-    no angle by more of its SD is the last. ``unmeasured_sd``, beside 1 of a measured angle: one that was not measured
-    holds so little to its number in ``angles``.
+    ``girdle``: (component, rows), adapted. Known strengths get no slopes. ``there``: tolerance of the last projection,
+    in SDs of each angle. ``unmeasured_sd``: SD that holds an unmeasured angle to its value in ``angles``, relative to a
+    measured angle.
     """
     sd, last = sd_rad(measured, unmeasured_sd), np.broadcast_to(there, angles.shape[1:])
     kernel = _nearest_kernel(effects, strengths_are_known)
@@ -130,8 +132,9 @@ def nearest_by_numbers(
     """Find the nearest closed postures with slopes in every number of the girdle (``Girdle.numbers_mm``) in place of
     the adapted parameters.
 
-    With ``slack_mm`` each constraint has a slack of this SD beside the angles' degree, and ``angles`` of the result and
-    of the ``start`` three more rows, mm: |y|^2 is the squared distance to the nearest posture that closes but for them.
+    With ``slack_mm`` each constraint has a slack of this SD, beside the degree of the angles. ``start`` and ``angles``
+    of the result then have three more rows, mm, and |y|^2 is the squared distance to the nearest posture that closes up
+    to the slacks.
     """
     sd = sd_rad(measured, UNMEASURED_SD)
     rows, strengths = angles.shape[1], strengths_rows(active_effects, angles.shape[1])
@@ -145,7 +148,7 @@ def nearest_by_numbers(
 
 
 def strengths_rows(active_effects: ActiveEffects, rows: int) -> Float[np.ndarray, "channels rows"]:
-    """Lay the strengths of effects one after the other."""
+    """Concatenate the strengths of all effects."""
     return np.concatenate(active_effects.strengths) if active_effects.effects else np.zeros((NO_CHANNELS, rows))
 
 
@@ -158,14 +161,15 @@ def with_whole_slopes(
     near: Nearest,
     unmeasured_sd: float = UNMEASURED_SD,
 ) -> Nearest:
-    """Compute the whole slopes of y: those of ``nearest_postures`` are at postures that stay.
+    """Compute slopes of y that include the movement of the nearest postures; ``nearest_postures`` gives slopes at fixed
+    postures.
 
-    |y|^2 does not notice (envelope theorem); a square of y that is weighted by a covariance of rows does. Of a posture
-    near a fold (``_FOLD``) they are those of one that stays, at a gimbal lock (``_STEEPEST``) 0.
+    The two agree for |y|^2 (envelope theorem), but not for a square of y weighted by a covariance between rows. Near a
+    fold (``_FOLD``) the slopes are those at a fixed posture, at a gimbal lock (``_STEEPEST``) they are 0.
     """
     sd = sd_rad(measured, unmeasured_sd)
     at, rows = (girdle, girdle.adapted_mm, strengths, angles, sd, near.angles), angles.shape[1]
-    kernel = _slopes_kernel(effects)  # of one component: machine code of all three takes thrice as long to make
+    kernel = _slopes_kernel(effects)  # one component per call: machine code of all three compiles thrice as long
     each = zip(*(kernel(*at, np.repeat(one[:, None], rows, axis=1)) for one in np.eye(3)), strict=True)
     slopes = [np.stack(one) for one in each]
     told = np.all([(np.abs(one) < _STEEPEST).all(axis=(0, 1)) for one in slopes], axis=0)
@@ -179,17 +183,17 @@ def closed(
     strengths: Float[np.ndarray, "channels rows"],
     start: Float[np.ndarray, "6 rows"],
 ) -> tuple[Float[np.ndarray, "6 rows"], Float[np.ndarray, "3 rows"]]:
-    """Find angles (rad) near ``start`` where the chain closes or, if it cannot, is least open: a local minimum of
-    |g|^2. With g there, mm.
+    """Find angles (rad) near ``start`` where the chain closes or, if it cannot, is least open (a local minimum of
+    |g|^2), and g there, mm.
 
-    Levenberg-Marquardt with steps in the range of G'.
+    The method is Levenberg-Marquardt with steps in the range of G'.
     """
     return _closing_kernel(effects)(girdle, girdle.adapted_mm, strengths, start)
 
 
 @functools.cache
 def _nearest_kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> Kernel:
-    """The compiled function of these effects; last of its results, if wanted, the slopes in their strengths."""
+    """Return the compiled function of these effects; its last result, if wanted, is the slopes in their strengths."""
     count = channels(effects)[-1] or NO_CHANNELS
 
     def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start, there):
@@ -216,8 +220,8 @@ def _slopes_kernel(effects: tuple[Effect, ...]) -> Kernel:
 
 @functools.cache
 def _numbers_kernel(effects: tuple[Effect, ...], coordinates: int) -> Kernel:
-    """The same with slopes in the numbers of the girdle; the strengths of the effects are known. Coordinates beyond the
-    six angles are slacks of A1-A3."""
+    """Return the compiled function of these effects, at known strengths, with slopes in the numbers of the girdle.
+    Coordinates beyond the six angles are slacks of A1-A3."""
     count, n = channels(effects)[-1] or NO_CHANNELS, coordinates
 
     def nearest(numbers_mm, strengths, s, sd, start, there):
@@ -245,12 +249,12 @@ def _closing_kernel(effects: tuple[Effect, ...]) -> Kernel:
 
 
 def channels(effects: tuple[Effect, ...]) -> list[int]:
-    """List where the strengths of each effect end, among those of all; first where they begin."""
+    """List the bounds between the strengths of successive effects: 0, then the end of each effect."""
     return [0, *np.cumsum([one.course.channels(len(one.directions)) for one in effects], dtype=int).tolist()]
 
 
 def _constraints(effects: tuple[Effect, ...], girdle: Girdle, known_strengths) -> Callable[..., Array]:
-    """A1-A3 of one row, mm, as a function of its angles (rad), the adapted parameters and the strengths."""
+    """Return A1-A3 of one row, mm, as a function of its angles (rad), the adapted parameters and the strengths."""
 
     def g(x, theta, strengths=known_strengths):
         return with_effects(effects, girdle.with_adapted(theta), strengths).residuals_mm(x)
@@ -259,7 +263,7 @@ def _constraints(effects: tuple[Effect, ...], girdle: Girdle, known_strengths) -
 
 
 def with_effects(effects: tuple[Effect, ...], girdle: Girdle, strengths) -> AnyGirdle:
-    """Put effects whose strengths stand one after the other on the girdle."""
+    """Apply effects with concatenated strengths to the girdle."""
     every = jnp.split(strengths, channels(effects)[1:])[: len(effects)]
     return ActiveEffects(tuple(every), effects).on(girdle)
 
@@ -267,8 +271,8 @@ def with_effects(effects: tuple[Effect, ...], girdle: Girdle, strengths) -> AnyG
 def digest(
     effects: tuple[Effect, ...], function, shapes: Sequence[int | tuple[int, ...]], of_girdle: bool = True
 ) -> str:
-    """Make one word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
-    source the cache of machine code does not know, by all that JAX traces."""
+    """Compute a hash that names the compiled function of these effects. The hash covers the names of the effects and,
+    for user-defined effects, whose source the cache of machine code does not know, all that JAX traces."""
     words = " ".join(one.name for one in effects)
     if any(map(is_user_defined, effects)):
         girdle = [jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)] * of_girdle
@@ -277,9 +281,9 @@ def digest(
 
 
 def _nearest(g, at, s, sd, start, there):
-    """Project until g(x, *at) is 0 and nothing moves, then all slopes; of one row."""
+    """Project until g(x, *at) is 0 and x does not move, then compute all slopes, for one row."""
 
-    slopes_at = jax.jit(functools.partial(_with_slopes, g))  # is traced once; the compiler drops what nobody reads
+    slopes_at = jax.jit(functools.partial(_with_slopes, g))  # traced once; the compiler drops unused results
 
     def project(state):
         number, x, step_before, along_before, _ = state
@@ -309,11 +313,11 @@ def _nearest(g, at, s, sd, start, there):
 
 
 def _whole_slopes(g, at, s, sd, x, weights):
-    """Slopes of weights' y (inputs) in each of ``at`` as the nearest posture follows, of one row.
+    """Compute slopes of weights' y (inputs) in each of ``at`` as the nearest posture follows, for one row.
 
-    x is where S^-2 (x - s) + G' h = 0 and g = 0. With K the curvature of the first in x, and (a, b) the solution of
-    K a + G' b = y_x' weights, G a = 0, the slopes are those of weights' y - h' G a - b' g at an x that stays. a is
-    among the directions Z along the constraints. Near a fold (``_FOLD``) a and b are 0.
+    x satisfies S^-2 (x - s) + G' h = 0 and g = 0. With K the derivative of the first condition in x, and (a, b) the
+    solution of K a + G' b = y_x' weights, G a = 0, the slopes are those of weights' y - h' G a - b' g at a fixed x. a
+    lies in the span of Z, the directions along the constraints. Near a fold (``_FOLD``) a and b are 0.
     """
 
     def along_weights(x, *at):
@@ -343,14 +347,14 @@ def _whole_slopes(g, at, s, sd, x, weights):
 
 
 def _part_of(along, step_before, along_before, sd):
-    """The part of the way along the constraints to take: that of Barzilai and Borwein (IMA J Numer Anal 8, 1988)."""
+    """Compute the step length along the constraints by Barzilai and Borwein (IMA J Numer Anal 8, 1988)."""
     turned = (along_before - along) / sd
     part = jnp.sum(step_before / sd * turned) / jnp.maximum(jnp.sum(turned**2), 1e-300)
     return jnp.where(part > 0.0, jnp.clip(part, _SHORTEST, _LONGEST), 1.0)
 
 
 def _limited(step):
-    """Shorten a step so that no angle moves by more than the longest."""
+    """Shorten a step so that no angle moves by more than ``_LONGEST_STEP_RAD``."""
     return step * jnp.minimum(1.0, _LONGEST_STEP_RAD / jnp.maximum(jnp.max(jnp.abs(step)), 1e-9))
 
 
@@ -365,7 +369,7 @@ def _closed(g, start):
         root = inverse_root(V + damping * jnp.trace(V) * jnp.eye(3))
         step = _limited(-(G.T @ (root.T @ (root @ value))))
         trial, _ = slopes_at(x + step)
-        better = jnp.sum(trial**2) < jnp.sum(value**2)  # not where V was singular, and the step is no number
+        better = jnp.sum(trial**2) < jnp.sum(value**2)  # False where V was singular and the step is NaN
         far = ~(jnp.max(jnp.abs(step)) <= _AT_REST_RAD)
         is_open = jnp.max(jnp.abs(jnp.where(better, trial, value))) > _CLOSED_MM
         return number + 1.0, jnp.where(better, x + step, x), damping * jnp.where(better, 0.1, 10.0), far & is_open
@@ -379,13 +383,13 @@ def _closed(g, start):
 
 
 def _with_slopes(g, *at):
-    """g and its slopes (3, inputs) in each argument."""
+    """Compute g and its slopes (3, inputs) in each argument."""
     value, pull = jax.vjp(g, *at)
     return value, *jax.vmap(pull)(jnp.eye(3))
 
 
 def strengths_of(columns: Sequence[Float[np.ndarray, "amplitudes channels rows"]]) -> Float[np.ndarray, "k c rows"]:
-    """Lay the columns of several effects out side by side: amplitudes by channels of all, zero elsewhere."""
+    """Arrange the columns of several effects side by side: amplitudes by channels of all effects, zero elsewhere."""
     amplitudes, channels = (sum(one.shape[axis] for one in columns) for axis in (0, 1))
     every = np.zeros((amplitudes, channels, columns[0].shape[2]))
     a = c = 0

@@ -1,4 +1,4 @@
-"""Parts of a joint fit: each is one subject with the postures that it is adapted to; the parts of a group share
+"""Parts of a joint fit: each part is one subject with the postures to which it is adapted; the parts of a group share
 amplitudes."""
 
 from dataclasses import dataclass, replace
@@ -17,19 +17,20 @@ from models.girdle import Girdle
 
 
 class Shared(NamedTuple):
-    """Amplitudes that the parts of a group share. What they are may differ between groups: one that a group does not
-    have does nothing at its rows."""
+    """Amplitudes that the parts of a group share. Groups may have different amplitudes: an amplitude that a group does
+    not have does nothing at its rows."""
 
     channels: Int[np.ndarray, "some own groups"]
-    """In which each amplitude acts; one that acts in fewer than another has some of strength 0."""
+    """Channels in which each amplitude acts; amplitudes with fewer channels than others are padded with channels of
+    strength 0."""
     columns: Float[np.ndarray, "some own rows"]
-    """Strength there at each row of an amplitude of 1."""
+    """Strength in these channels at each row, per unit of the amplitude."""
     scale: Float[np.ndarray, "own groups"]
     mean: Float[np.ndarray, "own groups"]
-    """Of their prior."""
+    """Prior of the amplitudes: ``scale`` and ``mean`` in the term ((a - mean) / scale)^2 of E."""
 
     def of(self, groups: Bool[np.ndarray, " groups"], rows: Bool[np.ndarray, " rows"]) -> "Shared":
-        """Take some groups, whose rows these are."""
+        """Select some groups, which have these rows."""
         channels, columns = self.channels[..., groups], self.columns[..., rows]
         return Shared(channels, columns, self.scale[:, groups], self.mean[:, groups])
 
@@ -45,24 +46,24 @@ def acting(
 
 @dataclass(frozen=True)
 class Parts:
-    """The rows of all parts, one part after the other."""
+    """Rows of all parts, one part after the other."""
 
     girdle: Girdle
-    """(component, parts)."""
+    """Girdle of each part, (component, parts)."""
     thorax: Thorax
     bounds_mm: tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted parts"]]
     effects: tuple[Effect, ...]
     strengths: Float[np.ndarray, "channels rows"]
-    """Of what is given."""
+    """Given strengths, to which the shared amplitudes add."""
     angles: Float[np.ndarray, "6 rows"]
-    """s, rad."""
+    """Measured angles s, rad."""
     measured: Bool[np.ndarray, "6 rows"]
     weights: Float[np.ndarray, " rows"]
-    """Of |y|^2 in E."""
+    """Weights of |y|^2 in E."""
     part: Int[np.ndarray, " rows"]
     group: Int[np.ndarray, " parts"]
     strengths_are_known: bool = False
-    """Nothing asks for slopes in them."""
+    """True where no slopes in the strengths are needed."""
     unmeasured_sd: float = UNMEASURED_SD
 
     @cached_property
@@ -77,18 +78,18 @@ class Parts:
         return self._girdle_of_rows.with_adapted(theta_mm[:, self.part])
 
     def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... parts"]:
-        """Add up the rows of each part."""
+        """Sum values over the rows of each part."""
         return np.add.reduceat(values, self._starts, axis=-1)
 
     @cached_property
     def _places(self) -> Int[np.ndarray, "parts most"]:
-        """The rows of each part; beyond the last of all where it has fewer than another."""
+        """Rows of each part, padded with the index after the last row of all."""
         counts = np.bincount(self.part, minlength=len(self.group))
         number = np.arange(counts.max())
         return np.where(number < counts[:, None], self._starts[:, None] + number, len(self.part))
 
     def products(self, x: Float[np.ndarray, "3 n rows"]) -> Float[np.ndarray, "n n parts"]:
-        """Multiply x'x over the rows of each part."""
+        """Compute x'x over the rows of each part."""
         padded = np.zeros((x.shape[2] + 1, *x.shape[:2]))
         padded[:-1] = np.moveaxis(x, 2, 0)
         own = padded[self._places].reshape(len(self.group), -1, x.shape[1])
@@ -110,12 +111,12 @@ class Parts:
         )
 
     def with_whole_slopes(self, theta_mm, strengths, near: Nearest) -> Nearest:
-        """Replace the slopes of y by those that follow the nearest postures."""
+        """Replace the slopes of y by those that include the movement of the nearest postures."""
         girdle = self._girdle_at(theta_mm)
         return with_whole_slopes(girdle, self.effects, strengths, self.angles, self.measured, near, self.unmeasured_sd)
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":
-        """Take some groups."""
+        """Select some groups."""
         parts = groups[self.group]
         rows = parts[self.part]
         girdle, thorax, bounds = take_problems((self.girdle, self.thorax, self.bounds_mm), parts)

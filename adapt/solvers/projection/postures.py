@@ -1,4 +1,4 @@
-"""Posture fits of any chain: projections onto the constraints; Newton steps where projections go round in circles."""
+"""Posture fits of any chain: projections onto the constraints; Newton steps where projections cycle."""
 
 from functools import partial
 
@@ -18,29 +18,30 @@ from models.girdle import Girdle
 from motions.rotations import DEG
 
 _HERE = np.inf
-"""No projection moves farther: everything is computed where the search starts."""
+"""Tolerance at which no projection is made: everything is computed at the starting point."""
 
 _MORE_STARTS = 2
-"""Places around the measured angles that every fit starts from too: the nearest local minimum may be a higher one."""
+"""Number of places around the measured angles from which every fit starts too: the nearest local minimum may not be the
+lowest."""
 
 _ROUNDS = 8
-"""Of projections, until an angle that was not measured stays."""
+"""Largest number of rounds of projections until an unmeasured angle stays."""
 
 _MOST_STEPS = 60
-"""Of Newton; from where projections stop the hardest posture of those that were tried takes 13."""
+"""Largest number of Newton steps; from the end of the projections the hardest posture that was tried takes 13."""
 
 _DIFFERENCE_DEG = 1e-3
-"""Of central differences: rounding and what is left out of the slope are both some 1e-9 of it."""
+"""Step of central differences: rounding and truncation of the slope are both some 1e-9 of it."""
 
 _LEAST_CURVATURE = 1e-6
-"""Of the distance along the constraints, in a step; 1 where they are straight, and 1e-5 where an angle that was not
-measured turns the conoid hardly longer."""
+"""Smallest curvature of the distance along the constraints in a step. The curvature is 1 where the constraints are
+straight, and 1e-5 where an unmeasured angle turns the conoid with hardly any change of its length."""
 
 _SAME = 1e-12
-"""Relative rounding of the merit: a step that changes it by less is no step up."""
+"""Relative rounding of the merit: a smaller rise does not reject a step."""
 
 _SHORTEST = 2.0**-8
-"""Of a step: one that leads down nowhere along it ends the search."""
+"""Smallest share of a step that is tried: a step that does not descend at any share ends the search."""
 
 
 def fit_postures(
@@ -49,8 +50,8 @@ def fit_postures(
     measured: Bool[np.ndarray, "6 problems"],
     start: Float[np.ndarray, "6 problems"] | None = None,
 ) -> PostureSolution:
-    """Find the closed posture nearest to the measured angles (rad): from ``start`` alone, else from the angles and
-    places around. An angle that was not measured begins at its number in ``angles``."""
+    """Find the closed posture nearest to the measured angles (rad): from ``start`` alone, or else from the angles and
+    places around them. An unmeasured angle begins at its value in ``angles``."""
     found = fit_from(girdle, angles, measured, start)
     for number, offset in enumerate(OFFSETS_DEG if start is None else ()):
         place, again = angles + offset[:, None] / DEG, ~found.converged | (number < _MORE_STARTS)
@@ -64,8 +65,8 @@ def fit_from(
     measured: Bool[np.ndarray, "6 problems"],
     start: Float[np.ndarray, "6 problems"] | None,
 ) -> PostureSolution:
-    """Find the nearest closed posture reached by projections from one start. An angle that was not measured is
-    projected anew from where it was, until it stays."""
+    """Find the nearest closed posture reached by projections from one starting point. An unmeasured angle is projected
+    anew from its last value, until it stays."""
     found = _projected(girdle, angles, measured, start, THERE)[0]
     free = ~measured.all(axis=0) & measured.any(axis=0)
     for _ in range(_ROUNDS):
@@ -80,18 +81,19 @@ def _anew(girdle: AnyGirdle, angles, measured, here) -> PostureSolution:
 def close_chains(
     girdle: AnyGirdle, start: Float[np.ndarray, "6 problems"]
 ) -> tuple[Float[np.ndarray, "6 problems"], Float[np.ndarray, "3 problems"]]:
-    """Find the angles (rad) near ``start`` where each chain is closed or, if it cannot, least open; with A1-A3, mm."""
+    """Find the angles (rad) near ``start`` where each chain is closed or, if it cannot close, least open, and A1-A3
+    there, mm."""
     plain, active = _parts_of(girdle)
     return closed(plain, active.effects, _strengths(active, start.shape[1]), start)
 
 
 def _by_newton(girdle: AnyGirdle, angles, measured, start) -> PostureSolution:
-    """Find the nearest closed posture x of measured angles s where projections go round in circles.
+    """Find the nearest closed posture x of measured angles s by Newton's method where projections cycle.
 
-    They do where the constraints bend by more than the gap. r = x - s + B'y is 0 at the posture, and dr/dx along the
-    constraints is the Hessian of the distance there: steps across to the constraints and along them to where it is
-    least, as far as |x - s|^2 / 2 + penalty |g| falls. A step costs some 15 evaluations. An angle that was not measured
-    is where it should be, wherever that is.
+    Projections cycle where the constraints bend by more than the gap. r = x - s + B'y is 0 at the posture, and dr/dx
+    along the constraints is the Hessian of the distance there. Each step goes across to the constraints and along them
+    to the smallest distance, as far as |x - s|^2 / 2 + penalty |g| falls, and costs some 15 evaluations. The target of
+    an unmeasured angle is its current value.
     """
     x = np.array(start)
     found, near = _here(girdle, angles, measured, x)
@@ -109,8 +111,8 @@ def _by_newton(girdle: AnyGirdle, angles, measured, start) -> PostureSolution:
 
 
 def _newton_step(girdle: AnyGirdle, angles, measured, x, near: Nearest) -> Float[np.ndarray, "6 problems"]:
-    """Step as far as the merit falls; where it does not, stay."""
-    B = np.moveaxis(near.B, -1, 0) / float(DEG)  # orthonormal rows: every SD is a degree
+    """Take the step as far as the merit falls; stay where it does not fall."""
+    B = np.moveaxis(near.B, -1, 0) / float(DEG)  # rows are orthonormal, because every SD is a degree
     c, apart = _off(near, x, angles, measured), gap(x, angles, measured).T[..., None]
     along = np.swapaxes(np.linalg.svd(B)[2][:, 3:], 1, 2)
     hessian = np.swapaxes(along, 1, 2) @ _slopes(girdle, angles, measured, x) @ along
@@ -144,7 +146,7 @@ def _merit(near: Nearest, apart, some=slice(None), *, penalty) -> Float[np.ndarr
 
 
 def _slopes(girdle: AnyGirdle, angles, measured, x) -> Float[np.ndarray, "problems 6 6"]:
-    """dr/dx by central differences."""
+    """Compute dr/dx by central differences."""
     count, h = x.shape[1], _DIFFERENCE_DEG / float(DEG)
     everyone = np.tile(np.arange(count), 12)
     same, s, known = take_problems((girdle, angles, measured), everyone)
@@ -156,14 +158,14 @@ def _slopes(girdle: AnyGirdle, angles, measured, x) -> Float[np.ndarray, "proble
 
 
 def _here(girdle: AnyGirdle, angles, measured, x) -> tuple[PostureSolution, Nearest]:
-    """Compute all where x is, which is the target of what was not measured."""
+    """Compute everything at x, which is also the target of unmeasured angles."""
     return _projected(girdle, np.where(measured, angles, x), measured, x, _HERE, 1.0)
 
 
 def _projected(
     girdle: AnyGirdle, angles, measured, start, there: float, unmeasured_sd: float = HELD_SD
 ) -> tuple[PostureSolution, Nearest]:
-    """Project until no angle moves by more of its SD than that."""
+    """Project until no angle moves by more than ``there`` of its SD."""
     plain, active = _parts_of(girdle)
     every = _strengths(active, angles.shape[1])
     near = nearest_postures(plain, active.effects, every, angles, measured, start, True, there, unmeasured_sd)
@@ -184,7 +186,7 @@ def _projected(
 
 
 def _parts_of(girdle: AnyGirdle) -> tuple[Girdle, ActiveEffects]:
-    """The girdle itself, for the engine, and what is active."""
+    """Return the girdle without effects, for the engine, and its active effects."""
     plain, active = (
         (girdle, NO_ACTIVE_EFFECTS) if isinstance(girdle, Girdle) else (girdle.girdle, girdle.active_effects)
     )

@@ -1,14 +1,15 @@
-"""What Gauss-Newton leaves out of the curvature of E, learnt from how the gradient changes along the steps.
+"""Secant estimate of the part of the Hessian of E that Gauss-Newton leaves out, from changes of the gradient.
 
-E'' = M + S with M of Gauss-Newton. Dennis, Gay and Welsch (NL2SOL, ACM Trans Math Softw 7:348, 1981): S is made smaller
-where it was too large along the last step s, then changed as little as makes (M + S) s the change of the gradient.
+E'' = M + S with the Gauss-Newton matrix M. Dennis, Gay and Welsch (NL2SOL, ACM Trans Math Softw 7:348, 1981): S is
+scaled down where it was too large along the last step s, then gets the smallest change that makes (M + S) s the change
+of the gradient.
 """
 
 import numpy as np
 from jaxtyping import Float
 
 _LEAST = 1e-300
-"""In place of 0 where nothing is there and nothing wanted."""
+"""Smallest denominator, where S and its target along the step are both 0."""
 
 
 def secant(
@@ -17,8 +18,8 @@ def secant(
     step: Float[np.ndarray, "n parts"],
     change: Float[np.ndarray, "n parts"],
 ) -> Float[np.ndarray, "n n parts"]:
-    """Update S of every part; M is that at the end of the step. Where the gradient has fallen along it, S is only made
-    smaller."""
+    """Update S of every part; M is the matrix at the end of the step. Where the gradient has fallen along the step, S
+    is only scaled down."""
     wanted = change - _times(M, step)
     there, wanted_there = (np.abs((step * one).sum(axis=0)) for one in (_times(S, step), wanted))
     S = S * (wanted_there / np.maximum(np.maximum(there, wanted_there), _LEAST))
@@ -30,5 +31,5 @@ def secant(
 
 
 def _times(matrix: Float[np.ndarray, "m n parts"], vector: Float[np.ndarray, "n parts"]) -> np.ndarray:
-    """Multiply the matrix of every part with its vector."""
+    """Multiply the matrix of every part by its vector."""
     return (matrix * vector[None]).sum(axis=1)

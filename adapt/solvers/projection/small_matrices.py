@@ -1,4 +1,4 @@
-"""Linear algebra of a few numbers, written out: machine code has no LAPACK."""
+"""Linear algebra of small matrices, written out: machine code has no LAPACK."""
 
 import functools
 
@@ -40,13 +40,13 @@ def inverse_root(V: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
 
 
 def null_basis(G: Float[Array, "m n"]) -> Float[Array, "n n-m"]:
-    """Compute orthonormal x with G x = 0, by the Householder reflections that make G' triangular."""
+    """Compute orthonormal columns x with G x = 0, by the Householder reflections that make G' triangular."""
     m, n = G.shape
     columns, mirrors = [G[k] for k in range(m)], []
     for k in range(m):
         below = columns[k][k:]
         size = jnp.sqrt(jnp.sum(below * below))
-        away = below[0] + jnp.where(below[0] < 0.0, -size, size)  # from its image: no difference of like numbers
+        away = below[0] + jnp.where(below[0] < 0.0, -size, size)  # the sign avoids cancellation
         mirror = jnp.concatenate([jnp.zeros(k), away[None], below[1:]])
         mirrors.append(mirror * jnp.sqrt(2.0 / jnp.sum(mirror * mirror)))
         columns = [_reflected(one, mirrors[-1]) for one in columns]

@@ -1,6 +1,6 @@
-"""Whole subjects of any chain by damped Gauss-Newton steps: adaptations, those with sizes of effects of each person's
-own, and how the optimum curves. Each problem is a part and a group of its own (``adapt.solvers.projection.parts``).
-"""
+"""Whole subjects of any chain by damped Gauss-Newton steps: adaptations, adaptations with subject-level sizes of
+effects, and the curvature at the optimum. Each problem is a part and a group of its own
+(``adapt.solvers.projection.parts``)."""
 
 from dataclasses import replace
 from functools import partial
@@ -28,28 +28,30 @@ from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
 from motions.rotations import DEG
 
 _MOST_STEPS = 200
-"""Most take 5 to 20."""
+"""Largest number of steps; most problems take 5 to 20."""
 
 _ROUNDS = 8
-"""Each takes on those that have not converged: most often their postures, projected once more, are as near as they can
-be; angles that were not measured begin anew where they are, until they stay."""
+"""Largest number of rounds for problems that have not converged. Most often their postures, projected once more, become
+as near as they can be; unmeasured angles begin anew at their last values until they stay."""
 
 _MOST_STEPS_OF_SIZES = 400
-"""Of measured shoulders with three to five causes half take fewer than 140, the hardest 350."""
+"""Largest number of steps with sizes: of measured shoulders with three to five causes half take fewer than 140, the
+hardest 350."""
 
 _SETTLED = 1e-20
-"""Decrease of E, mm^2, that a step promises at which the sizes are found: with more, rounding decides where the search
-ends (1e-8 leaves 3e-4 of a size); rounding of the slope leaves 1e-24."""
+"""Predicted decrease of E, mm^2, at which the sizes have converged. At a larger tolerance rounding decides where the
+search ends (1e-8 leaves 3e-4 of a size); rounding of the slope leaves 1e-24."""
 
 _LEAST_WEIGHT = 1e-9
-"""Of |v|^2 in E: with w = 0 nothing says anything of the sizes, and they stay at the mean."""
+"""Smallest weight of |v|^2 in E: with w = 0 no data inform the sizes, and they stay at the mean."""
 
 _MOST_ROUNDS, _AT_REST_RAD = 40, 1e-12
-"""Of angles that were not measured, at a shifted parameter; the hardest of those that were tried takes 12."""
+"""Largest number of rounds for unmeasured angles at a shifted parameter, and the change at which they stay; the hardest
+case that was tried takes 12 rounds."""
 
 _STEP_MM = 1e-3
-"""Of differences of the slope. Truncation goes with its square times third derivatives, 1e-8 of the second ones;
-rounding of the slope is 1e-11."""
+"""Step of the differences of the slope. Truncation, proportional to its square times third derivatives, is 1e-8 of the
+second derivatives; rounding of the slope is 1e-11."""
 
 
 def fit_subjects(
@@ -58,7 +60,7 @@ def fit_subjects(
     angles: Float[np.ndarray, "6 postures problems"],
     active_effects: ActiveEffects = NO_ACTIVE_EFFECTS,
 ) -> SubjectSolution:
-    """Find the optimum of each problem reached from here (mm, rad); look at ``converged``."""
+    """Find the optimum of each problem reached from this start (mm, rad); check ``converged``."""
     found = _unsolved(theta, angles)
     some_free = np.any(~have_weight(problem.weights) & problem.counted, axis=(0, 1))
     for unmeasured_sd, which in ((HELD_SD, True), (LOOSELY_HELD_SD, some_free)):
@@ -76,7 +78,7 @@ def _further(
 
 
 def _unsolved(theta, angles) -> SubjectSolution:
-    """Everything as it stands, nothing converged."""
+    """Return the start as a solution that has not converged."""
     _, postures, count = angles.shape
     return SubjectSolution(
         theta=np.array(theta, float),
@@ -91,7 +93,7 @@ def _unsolved(theta, angles) -> SubjectSolution:
 
 
 def _steps(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles, unmeasured_sd: float) -> End:
-    """An angle that was not measured holds a little to where it is."""
+    """Take the steps of an adaptation in which every unmeasured angle is loosely held to its start."""
     parts = parts_of(problem, active_effects)
     count, start = theta.shape[1], _of_rows(problem, angles)
     none = np.zeros((0, count))
@@ -105,7 +107,7 @@ def _steps(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles
 
 
 def _solution(problem: SubjectProblem, end: End, angles, iterations: Int[np.ndarray, " problems"]) -> SubjectSolution:
-    """Where the steps ended, with the conditions there; padding keeps its ``angles``."""
+    """Return the end of the steps as a solution, with its optimality conditions; padding keeps its ``angles``."""
     near, weights, places = end.nearest, row_weights(problem), _rows(problem)
     target, measured = (_of_rows(problem, x) for x in (problem.angles, have_weight(problem.weights)))
     moved = gap(near.angles, target, measured) + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
@@ -138,14 +140,15 @@ def fit_sizes(
     Float[np.ndarray, " problems"],
     Bool[np.ndarray, " problems"],
 ]:
-    """Find the sizes of effects that differ between persons, beside the adapted parameters, from here (mm, rad): v,
-    theta, E without the term of v, and which have settled.
+    """Find sizes of effects that differ between persons, together with the adapted parameters, from this start
+    (mm, rad).
 
         min over theta and v of E = D + w (mean(J_p) + |v|^2 / (6 n)),   sizes = mean + SD v
 
-    of n postures with six measured angles. A size an SD off counts as much as a degree in one angle of one posture:
-    with SDs between persons over the SD of the noise that is the posterior mode for white noise, D standing for what is
-    believed of the parameters.
+    for n postures with six measured angles each. A size one SD off counts as much as one degree in one angle of one
+    posture. If the SDs are SDs between persons over the SD of the noise, the result is the posterior mode for white
+    noise, with D in place of the prior of the parameters. Return v, theta, E without the term of v, and which problems
+    have converged.
     """
     parts = parts_of(problem, active_effects)
     columns = [_of_rows(problem, one) for one in active_effects.own]
@@ -163,7 +166,7 @@ def fit_sizes(
 
 
 def weight_of_sizes(parts: Parts) -> Float[np.ndarray, " parts"]:
-    """Give the weight of |v|^2 in E: that of one degree in one angle of a posture."""
+    """Compute the weight of |v|^2 in E: that of one degree in one angle of a posture."""
     return np.maximum(parts.sums(parts.weights) / parts.sums(np.ones(len(parts.weights))), _LEAST_WEIGHT)
 
 
@@ -173,9 +176,9 @@ def motion_curvature(
     angles: Float[np.ndarray, "6 postures problems"],
     active_effects: ActiveEffects,
 ) -> tuple[Float[np.ndarray, "adapted adapted problems"], Float[np.ndarray, "6 postures adapted problems"]]:
-    """Compute d2(w mean J)/dtheta2 at an optimum, and dq/dtheta of every posture, rad a mm; 0 for padding.
+    """Compute d2(w mean J)/dtheta2 at an optimum, and dq/dtheta of every posture, rad per mm; 0 for padding.
 
-    By central differences of the exact slope of w mean J: nothing to compile.
+    Central differences of the exact slope of w mean J and of q need no compilation.
     """
     parts, start = parts_of(problem, active_effects), _of_rows(problem, angles)
     parts = replace(parts, angles=np.where(parts.measured, parts.angles, start))
@@ -196,7 +199,8 @@ def motion_curvature(
 
 
 def _settled(parts: Parts, theta, start) -> Nearest:
-    """The nearest postures, with angles that were not measured where they stay: each round they hold to the last."""
+    """Find the nearest postures with unmeasured angles at values where they stay: each round holds them to their last
+    values."""
     near = parts.nearest(theta, parts.strengths, start)
     for _ in range(_MOST_ROUNDS):
         if parts.measured.all() or np.abs(near.angles - start).max() <= _AT_REST_RAD:
@@ -208,7 +212,7 @@ def _settled(parts: Parts, theta, start) -> Nearest:
 
 
 def parts_of(problem: SubjectProblem, active_effects: ActiveEffects) -> Parts:
-    """Lay the postures that count out as rows, each problem a part and a group of its own."""
+    """Convert the counted postures to rows, each problem a part and a group of its own."""
     girdle, strengths = jax.tree.map(np.asarray, problem.girdle), active_effects.strengths
     _, number = _rows(problem)
     return Parts(
@@ -229,16 +233,16 @@ def parts_of(problem: SubjectProblem, active_effects: ActiveEffects) -> Parts:
 
 
 def row_weights(problem: SubjectProblem) -> Float[np.ndarray, " rows"]:
-    """Give the weights of |y|^2 in E, deg^2: those of the angles that were measured."""
+    """Compute the weights of |y|^2 in E, deg^2: the weights of the measured angles."""
     return _of_rows(problem, problem.weights).max(axis=0) / (2.0 * float(DEG) ** 2)
 
 
 def _rows(problem: SubjectProblem) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
-    """Posture and problem of every row that counts, problem by problem."""
+    """Return posture and problem of every counted row, problem by problem."""
     number, posture = np.nonzero(np.asarray(problem.counted).T)
     return posture, number
 
 
 def _of_rows(problem: SubjectProblem, values) -> np.ndarray:
-    """Take the postures that count of (..., postures, problems) as rows."""
+    """Select the counted postures of (..., postures, problems) as rows."""
     return np.asarray(values)[..., *_rows(problem)]

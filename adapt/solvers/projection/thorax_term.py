@@ -15,17 +15,17 @@ from models.girdle import Girdle
 _N = len(ADAPTED)
 
 _CHUNK = 4096
-"""Parts that XLA works on at a time."""
+"""Number of parts per chunk of an XLA program."""
 
 
 ThoraxTerms = tuple[
     Float[np.ndarray, " parts"], Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted adapted parts"]
 ]
-"""D of every part, mm^2, and what it adds to the gradient and the matrix of the quadratic model in theta."""
+"""D of every part, mm^2, and its terms in the gradient and the matrix of the quadratic model in theta."""
 
 
 class Thorax(NamedTuple):
-    """Points on the thorax of every part, or other points at their levels, mm."""
+    """Points on the thorax of every part, or other points with nominal distances (levels) to the ellipsoid, mm."""
 
     girdle: Girdle
     points_mm: Float[np.ndarray, "3 points parts"]
@@ -39,7 +39,7 @@ class Thorax(NamedTuple):
 
 
 def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):
-    """sum u (d - level)^2, its gradient, and 2 sum u d' d'^T, of one part."""
+    """Compute sum u (d - level)^2, its gradient, and 2 sum u d' d'^T, of one part."""
 
     def of_point(point, weight, level):
         off, slope, _ = point_distance(girdle, theta, point, level, point_multiplier(girdle, theta, point))

@@ -1,4 +1,4 @@
-"""What measured motions say of the questions of chapter 7: numbers with 95 % intervals over persons."""
+"""Answers of measured motions to the questions of chapter 7: numbers with 95 % intervals over persons."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from motions.table import Motions
 
 @dataclass(frozen=True)
 class Answers:
-    """All numbers, and what they rest on."""
+    """Numbers of all answers, the number of postures and the noise that they rest on, and the subjects left out."""
 
     answers: list[Answer]
     postures: int
@@ -27,7 +27,7 @@ class Answers:
     """SD of the noise of one angle."""
     noise_source: str
     left_out: dict[str, str]
-    """Subjects without a posture that is whole, and why."""
+    """Reason for leaving out each subject without a complete posture, by subject."""
 
 
 def answered(
@@ -35,8 +35,8 @@ def answered(
 ) -> Answers:
     """Answer the three questions with every model.
 
-    means: subjects that are group means. Postures without six angles or an elevation of the arm are left out;
-    InputError where none is left.
+    ``means``: subjects that are group means. Postures without six angles or an elevation of the arm are left out.
+    Raises InputError where no posture is left.
     """
     known = whole(motions)
     persons = Persons.of(known, [name for name in means if name in known.subjects or name not in motions.subjects])

@@ -1,8 +1,8 @@
 """Do TS and AI keep a constant distance to the thorax (thesis, chapter 7)? Their distance in measured postures.
 
-The bones are where the measured angles put them, whether the chain closes or not: what A1 and A2 of Eq. 6.2 hold
-constant is looked at, not enforced. Of postures that the chain can take, noise of the angles alone spreads the
-distance too: :func:`noise_courses` says by how much.
+The bones are placed by the measured angles, whether the chain closes or not: the distances that A1 and A2 of Eq. 6.2
+hold constant are computed, not enforced. Noise of the angles alone also makes the distances vary, even in postures that
+the chain can take: :func:`noise_courses` simulates this variation.
 """
 
 from dataclasses import dataclass
@@ -19,17 +19,18 @@ POINTS = ("TS", "AI")
 
 @dataclass(frozen=True)
 class DistanceCourse:
-    """What the distances of POINTS to the ellipsoid do in the postures of each subject; ``repeats`` may be none."""
+    """Statistics of the distances of ``POINTS`` to the ellipsoid per subject; the axis ``repeats`` is optional."""
 
     mean_mm: Float[np.ndarray, "2 subjects *repeats"]
     sd_mm: Float[np.ndarray, "2 subjects *repeats"]
-    """Over postures."""
+    """SD over postures."""
     slope_mm_per_deg: Float[np.ndarray, "2 subjects *repeats"]
-    """By elevation of the arm within the motions: each motion has an offset of its own. NaN if no motion has one."""
+    """Slope over the elevation of the arm within motions; each motion has its own offset. NaN if the elevation varies
+    in no motion."""
 
 
 def thorax_distances_mm(girdle: Girdle, angles: Float[np.ndarray, " 6 *batch"]) -> Float[np.ndarray, " 2 *batch"]:
-    """Measure the signed distances of TS and AI to the ellipsoid in postures (rad), outside positive, mm."""
+    """Compute the distances of TS and AI to the ellipsoid in postures (rad), mm, positive outside."""
     at = landmarks(girdle, angles)
     points = (signed_distance_mm(point, girdle.centre_mm, girdle.semi_axes_mm) for point in (at.TS, at.AI))
     return np.stack([np.asarray(one) for one in points])
@@ -41,7 +42,7 @@ def distance_courses(
     motion: Shaped[np.ndarray, " postures"],
     elevation_deg: Float[np.ndarray, " postures"],
 ) -> DistanceCourse:
-    """Compute mean, SD and slope of each subject, in the order in which they first appear."""
+    """Compute mean, SD and slope of each subject, in the order of first appearance."""
     parts = []
     for name in dict.fromkeys(subject.tolist()):
         mine = distances_mm[:, subject == name]
@@ -51,7 +52,7 @@ def distance_courses(
 
 
 def _slope_within(values, motion, elevation_deg) -> Float[np.ndarray, " 2 *repeats"]:
-    """Least squares of value = offset of its motion + slope elevation."""
+    """Fit value = offset of the motion + slope * elevation by least squares; return the slope."""
     same = motion[:, None] == motion[None]
     lever = elevation_deg - same @ elevation_deg / same.sum(axis=1)
     squares = float(lever @ lever)
@@ -70,9 +71,9 @@ def noise_courses(
     repeats: int,
     seed: int,
 ) -> DistanceCourse:
-    """Compute the courses that noise alone gives: of simulated measurements of closed postures (rad).
+    """Compute the statistics that noise alone gives, from simulated measurements of closed postures (rad).
 
-    Every angle has an independent Gaussian error of SD ``noise_deg``. ``girdle``: one of each posture.
+    Every angle has an independent Gaussian error of SD ``noise_deg``. ``girdle`` has one element per posture.
     """
     generator = np.random.Generator(np.random.PCG64(seed))
     errors = noise_deg / DEG * generator.standard_normal((repeats, *closed.shape))

@@ -7,7 +7,8 @@ from adapt.trust.questions.constant_distance import POINTS, distance_courses, no
 from adapt.trust.questions.persons import AdaptedRows, Interval, Persons, closest
 
 REPEATS, SEED = 200, 7
-"""Simulated repetitions of all measurements: the ends of a 95 % band to a tenth of its width."""
+"""Number and seed of the simulated repetitions of all measurements. This number gives the ends of a 95 % band to a
+tenth of the band's width."""
 
 _FULL_MOTION_DEG = 90.0
 
@@ -16,7 +17,8 @@ CHANGE, CHANGE_BY_NOISE = "change over 90 deg", "change by noise alone"
 
 
 def distance_answers(data: AdaptedRows, persons: Persons, noise_deg: float) -> list[Answer]:
-    """Answer for TS and AI, the set as it is and adapted; what noise alone gives is the 95 % band of the same mean."""
+    """Answer for TS and AI, with the set as it is and adapted. Results of noise alone are 95 % bands of the same mean
+    over persons."""
     found = Collector(DISTANCE, data.model.name, persons)
     motions = data.motions
     by = motions.subject, motions.motion, motions.humerus_elevation_deg
@@ -39,7 +41,7 @@ def distance_answers(data: AdaptedRows, persons: Persons, noise_deg: float) -> l
 
 
 def _band(persons: Persons, values: np.ndarray) -> Interval:
-    """Median and 95 % of the mean over persons in the repetitions."""
+    """Compute the median and 95 % band of the mean over persons in the repetitions."""
     middle = [persons.mean(one) for one in values.T]
     low, median, high = np.quantile(middle, [0.025, 0.5, 0.975])
     return Interval(float(median), float(low), float(high))

@@ -26,19 +26,20 @@ WITHOUT, WITH_MEAN, WITH_LINE = "adapted without the motion", "+ mean change", "
 _LEAST_AXIS_MM = 1.0
 
 Course = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Changes (adapted, fitted rows), elevations of the fitted and of the tested rows, to changes of the tested rows."""
+"""Function from the changes (adapted, fitted rows), the elevations of the fitted rows and those of the tested rows to
+the changes of the tested rows."""
 
 
 def spread_mm(model: str) -> Float[np.ndarray, " adapted"]:
-    """Give the SDs of Table 6.5 of this set; of sets that it has not, those between people."""
+    """Return the SDs of Table 6.5 for this set; for sets that are not in the table, ``PERSON_SD_MM``."""
     return sd_mm()[SETS.index(model)] if model in SETS else PERSON_SD_MM
 
 
 def ellipsoid_answers(data: AdaptedRows, persons: Persons, noise_deg: float) -> list[Answer]:
-    """Answer by size and smoothness of the change and by what it predicts; then of simulated noise alone.
+    """Answer by size, smoothness and predictions of the change, for the measurements and for simulated noise alone.
 
-    Simulated, the size is that of the change from the parameters that the simulation has; the gaps on motions held out
-    are of parameters adapted anew. No gaps where no subject has two motions.
+    For simulated noise, the change is relative to the parameters of the simulation; the gaps on held-out motions come
+    from parameters adapted anew. There are no gaps where no subject has two motions.
     """
     found, of_mm = Collector(ELLIPSOID, data.model.name, persons), spread_mm(data.model.name)
     noisy = with_noise_alone(data, noise_deg, SEED)
@@ -51,8 +52,8 @@ def ellipsoid_answers(data: AdaptedRows, persons: Persons, noise_deg: float) -> 
 
 
 def _add_sizes(found: Collector, label: str, data: AdaptedRows, persons: Persons, noise_deg: float, of_mm) -> None:
-    """How large the least change from the adapted parameters is, how much of it varies from posture to posture, what
-    noise alone would give, and how smooth it is along the motions."""
+    """Add the size of the least change from the adapted parameters, the part that varies from posture to posture, this
+    part for noise alone, and the smoothness of the change along the motions."""
     girdle = data.girdle(data.adapted_mm)
     change = least_change(girdle, data.angles, of_mm)
     foreseen = foreseen_square_sd(girdle, closest(girdle, data.angles), noise_deg, of_mm)
@@ -70,29 +71,29 @@ def _add_sizes(found: Collector, label: str, data: AdaptedRows, persons: Persons
 
 
 def root_mean_square(persons: Persons, in_sd: Float[np.ndarray, "numbers rows"]) -> Float[np.ndarray, " subjects"]:
-    """Root of the mean |delta / SD|^2 over the postures of each subject."""
+    """Compute the root of the mean |delta / SD|^2 over the postures of each subject."""
     return np.sqrt(persons.by_subject((in_sd**2).sum(axis=0)))
 
 
 def means_of_subjects(persons: Persons, in_sd: Float[np.ndarray, "numbers rows"]) -> Float[np.ndarray, "numbers rows"]:
-    """Mean of each number over the postures of the row's subject."""
+    """Compute the mean of each number over the postures of the row's subject."""
     return np.stack([persons.by_subject(one)[persons.shoulders.subject] for one in in_sd])
 
 
 def mean_change(change, _, elevation_deg) -> np.ndarray:
-    """Take the mean of the other motions."""
+    """Predict the mean change of the subject's other motions."""
     return np.repeat(change.mean(axis=1, keepdims=True), len(elevation_deg), axis=1)
 
 
 def line_over_elevation(change, seen_deg, elevation_deg) -> np.ndarray:
-    """Fit a straight line over the elevation of the arm, least squares of the other motions."""
+    """Predict by a straight line over the elevation of the arm, a least-squares fit to the other motions."""
     design = np.stack([np.ones_like(seen_deg), seen_deg], axis=1)
     line = np.linalg.lstsq(design, change.T, rcond=None)[0]
     return (np.stack([np.ones_like(elevation_deg), elevation_deg], axis=1) @ line).T
 
 
 def _add_held_out(found: Collector, label: str, data: AdaptedRows, persons: Persons, of_mm) -> None:
-    """The gap on motions held out: adapted without them, and with the course of their other motions' changes."""
+    """Add the gap on held-out motions: adapted without them, and with changes predicted from the other motions."""
     changes = changes_of_others(data, of_mm)
     courses: dict[str, Course | None] = {WITHOUT: None, WITH_MEAN: mean_change, WITH_LINE: line_over_elevation}
     gaps = {name: held_out_gaps_deg(data, changes, course) for name, course in courses.items()}
@@ -105,7 +106,8 @@ def _add_held_out(found: Collector, label: str, data: AdaptedRows, persons: Pers
 
 
 def changes_of_others(data: AdaptedRows, of_mm: np.ndarray) -> list[np.ndarray]:
-    """Find the least changes (mm) of the other postures of the subject of each motion held out, adapted without it."""
+    """Compute, per held-out motion, the least changes (mm) of the subject's other postures from the parameters adapted
+    without the motion."""
     rows = np.concatenate([one.fitted for one in data.held_out_motions])
     theta = np.concatenate(
         [np.repeat(one.theta_mm[:, None], len(one.fitted), axis=1) for one in data.held_out_motions], axis=1
@@ -117,7 +119,7 @@ def changes_of_others(data: AdaptedRows, of_mm: np.ndarray) -> list[np.ndarray]:
 def held_out_gaps_deg(
     data: AdaptedRows, changes: Sequence[np.ndarray], course: Course | None
 ) -> Float[np.ndarray, "rows 6"]:
-    """Compute |simulated - measured| of every row, its motion being held out; NaN where that is not possible."""
+    """Compute |simulated - measured| of every row with the row's motion held out; NaN where that is not possible."""
     theta = data.without_mm.copy()
     for one, change in zip(data.held_out_motions, changes, strict=True):
         if course is not None:
@@ -129,6 +131,6 @@ def held_out_gaps_deg(
 
 
 def predicted_change(data: AdaptedRows, one: HeldOutMotion, change, course: Course) -> np.ndarray:
-    """Predict the changes of the motion held out by the course of those that are known."""
+    """Predict the changes of a held-out motion from the known changes, by ``course``."""
     elevation, known = data.motions.humerus_elevation_deg, np.isfinite(change).all(axis=0)
     return course(change[:, known], elevation[one.fitted[known]], elevation[one.tested])

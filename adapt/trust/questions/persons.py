@@ -1,4 +1,4 @@
-"""Measured postures with a model's adapted parameters in each, and averages over persons with their intervals."""
+"""Measured postures with a model's adapted parameters, and averages over persons with their intervals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,50 +22,50 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 _MOST_NAMED = 10
-"""Subjects in a message."""
+"""Limit of subjects named in a message."""
 
 
 @dataclass(frozen=True)
 class HeldOutMotion:
-    """A motion of a subject, and the parameters adapted without it."""
+    """Motion of a subject, with the parameters adapted without it."""
 
     tested: Int[np.ndarray, " tested"]
-    """Rows of the motion."""
+    """Row indices of the motion."""
     fitted: Int[np.ndarray, " fitted"]
-    """Rows of the subject's other motions."""
+    """Row indices of the subject's other motions."""
     theta_mm: Float[np.ndarray, " adapted"]
 
 
 @dataclass(frozen=True)
 class AdaptedRows:
-    """The rows of motions with a model: as it is, adapted, and adapted without the motion of each row."""
+    """Rows of motions with a model: as it is, adapted, and adapted without the motion of each row."""
 
     model: AnyModel
     motions: Motions
     adapted_mm: Float[np.ndarray, "adapted rows"]
     without_mm: Float[np.ndarray, "adapted rows"]
-    """NaN in a subject with one motion, or where the adaptation failed."""
+    """NaN for a subject with one motion, or where the adaptation failed."""
     held_out_motions: tuple[HeldOutMotion, ...]
 
     @property
     def angles(self) -> Float[np.ndarray, "6 rows"]:
-        """Measured, rad."""
+        """Measured angles, rad."""
         return self.motions.angles_deg.T / DEG
 
     def girdle(self, theta_mm: Float[np.ndarray, "adapted rows"] | None = None) -> Girdle:
-        """Give the model's girdle for each row, as it is or with adapted parameters."""
+        """Return the model's girdle for each row, as it is or with parameters ``theta_mm``."""
         return self.girdle_at(np.arange(len(self.motions.posture)), theta_mm)
 
     def girdle_at(
         self, rows: Int[np.ndarray, " chosen"], theta_mm: Float[np.ndarray, "adapted chosen"] | None = None
     ) -> Girdle:
-        """Give the girdle of these rows, as it is or with adapted parameters."""
+        """Return the girdle of the given rows, as it is or with parameters ``theta_mm``."""
         own = girdles_of(self.model, self.motions.subject[rows].tolist())
         return own if theta_mm is None else own.with_adapted(theta_mm)
 
 
 def whole(motions: Motions) -> Motions:
-    """Leave out postures without all six angles or without an elevation. InputError where none is left."""
+    """Select the postures with all six angles and an elevation. Raises InputError where there is none."""
     known = np.isfinite(motions.angles_deg).all(axis=1) & np.isfinite(motions.humerus_elevation_deg)
     if not known.any():
         remedy = "Give motions measured with bone pins, or with landmarks and an estimated axial rotation"
@@ -93,7 +93,7 @@ def adapt_rows(motions: Motions, model: AnyModel) -> AdaptedRows:
 
 
 def closest(girdle: Girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 rows"]:
-    """Fit the closest closed posture of each row, rad; NaN where there is none, and where an angle is not known."""
+    """Fit the closest closed posture of each row, rad; NaN where the fit fails or an angle is missing."""
     known = np.isfinite(angles).all(axis=0) & np.isfinite(girdle.adapted_mm).all(axis=0)
     part = np.flatnonzero(known)
     fitted = fit_batch(take_problems(girdle, part), angles[:, part], np.ones((6, len(part)), bool))
@@ -103,7 +103,7 @@ def closest(girdle: Girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.nda
 
 
 def with_noise_alone(data: AdaptedRows, noise_deg: float, seed: int) -> Motions:
-    """Simulate measurements of the closed postures of the adapted model, errors of SD ``noise_deg`` in every angle."""
+    """Simulate measurements of the adapted model's closed postures, with errors of SD ``noise_deg`` in every angle."""
     closed = closest(data.girdle(data.adapted_mm), data.angles).T * DEG
     errors = np.random.Generator(np.random.PCG64(seed)).standard_normal(closed.shape)
     return replace(data.motions, angles_deg=closed + noise_deg * errors)
@@ -111,7 +111,7 @@ def with_noise_alone(data: AdaptedRows, noise_deg: float, seed: int) -> Motions:
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean over persons with its 95 % interval; NaN ends of one person, all NaN of none."""
+    """Mean over persons with its 95 % interval; the ends are NaN for one person, all three values for none."""
 
     value: float
     low: float
@@ -120,14 +120,14 @@ class Interval:
 
 @dataclass(frozen=True)
 class Persons:
-    """Who is a person: the subjects that are not group means, left and right of one being one."""
+    """Subjects, their persons and group means; left and right side of a person count as one person."""
 
     shoulders: Shoulders
     is_mean: Bool[np.ndarray, " subjects"]
 
     @staticmethod
     def of(motions: Motions, means: Sequence[str]) -> "Persons":
-        """Tell persons from group means. InputError for a mean that is no subject."""
+        """Separate persons from group means. Raises InputError for a mean that is not a subject."""
         unknown = [name for name in means if name not in motions.subjects]
         if unknown:
             cause, there = f"no subject is called '{unknown[0]}'", listed(motions.subjects, _MOST_NAMED)
@@ -135,31 +135,31 @@ class Persons:
         return Persons(shoulders_of(motions), np.isin(motions.subjects, list(means)))
 
     def by_subject(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " subjects"]:
-        """Average what the rows of each subject have; NaN where none has anything."""
+        """Average the values of each subject's rows, without NaN; NaN where a subject has no value."""
         parts = [values[self.shoulders.rows_of(s)] for s in range(len(self.is_mean))]
         return np.array([np.nanmean(part) if np.isfinite(part).any() else np.nan for part in parts])
 
     def each(self, of_subjects: Float[np.ndarray, " subjects"]) -> Float[np.ndarray, " persons"]:
-        """Average the sides of each person that is no group mean, of those that have a value."""
+        """Average the sides of each person, without NaN and without group means."""
         number, known = self.shoulders.person, np.isfinite(of_subjects)
         real = dict.fromkeys(number[~self.is_mean & known].tolist())
         return np.array([of_subjects[(number == one) & known].mean() for one in real])
 
     def mean(self, of_subjects: Float[np.ndarray, " subjects"]) -> float:
-        """Average over persons; NaN of none."""
+        """Average over persons; NaN without persons."""
         values = self.each(of_subjects)
         return float(values.mean()) if len(values) else float("nan")
 
     def interval(self, of_subjects: Float[np.ndarray, " subjects"]) -> Interval:
-        """Give mean and 95 % t interval over persons."""
+        """Compute the mean over persons with its 95 % t interval."""
         values, middle = self.each(of_subjects), self.mean(of_subjects)
         if len(values) < 2:
             return Interval(middle, float("nan"), float("nan"))
-        from scipy.stats import t as student  # not for every command
+        from scipy.stats import t as student  # few commands need it
 
         half = float(student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
         return Interval(middle, middle - half, middle + half)
 
     def means(self, of_subjects: Float[np.ndarray, " subjects"]) -> dict[str, float]:
-        """Give the value of each group mean by its name."""
+        """Return the value of each group mean, by name."""
         return {name: float(of_subjects[k]) for k, name in enumerate(self.shoulders.subjects) if self.is_mean[k]}

@@ -1,14 +1,14 @@
 """An ellipsoid for each posture (thesis, chapter 7): the least change that lets the chain take a measured posture.
 
-The adapted parameters theta + delta of one posture s close it without any gap where  g(s, theta + delta) = 0  (A1-A3).
-Three equations leave three of the six free; of all changes the one with the least |delta / SD|^2 is taken, SD being the
-spread between people. Newton on its optimality conditions, with T = dg/dtheta and V = T SD^2 T':
+The parameters theta + delta close the chain at a measured posture s, without any gap, where  g(s, theta + delta) = 0
+(A1-A3). Three equations leave three of the six parameters free. The chosen change has the least |delta / SD|^2, with
+the SDs between people. Newton steps on its optimality conditions, with T = dg/dtheta and V = T SD^2 T', are
 
-    delta <- SD^2 T' V^-1 (T delta - g(s, theta + delta)),      which rests where delta is normal to g in units of SD.
+    delta <- SD^2 T' V^-1 (T delta - g(s, theta + delta)),
 
-Errors e of the angles alone, of SD s, give of closed postures delta = -SD^2 T' V^-1 G e, with G = dg/ds: the mean
-square of delta / SD is s^2 times the sum of squares of the rows of SD T' V^-1 G, and postures are as independent of
-each other as their errors are.
+with a fixed point where delta, in units of SD, is normal to the surface g = 0. Errors e of the angles alone, of SD
+sigma, change closed postures by delta = -SD^2 T' V^-1 G e, with G = dg/ds: the mean square of delta / SD is sigma^2
+times the sum of squares of the rows of SD T' V^-1 G, and the changes are as independent between postures as the errors.
 """
 
 from collections.abc import Iterable
@@ -24,52 +24,54 @@ from models.girdle import Girdle
 from motions.rotations import DEG
 
 _MOST_STEPS = 300
-"""Each takes the error down by the curvature of the distances times the change: some tenth, of changes of a few SDs."""
+"""Limit of steps. The error after a step, over the error before, is about the curvature of the distances times the
+change: some tenth, for changes of a few SDs."""
 
 _SHRINKS = 0.95
-"""A step that is not shorter than the one before by this factor goes round the optimum: half of it is taken from then
-on."""
+"""Largest ratio of the lengths of two successive steps. A larger ratio shows that the steps overshoot, and halves the
+fraction that is taken from then on."""
 
 _SHORTEST = 1.0 / 32.0
-"""Shortest part of a step that is taken."""
+"""Smallest fraction of a step that is taken."""
 
 _SETTLED_MM = 1e-9
-"""Change of delta, and |g|, at rest."""
+"""Tolerance of the change of delta and of |g| at convergence."""
 
 _LEAST_AXIS_MM = 1.0
-"""A semi-axis that a step would take below this is no thorax: the posture is not closed by any nearby ellipsoid."""
+"""Lower limit of semi-axes: where a step would lead below it, no nearby ellipsoid closes the chain in the posture."""
 
 
 _FEWEST_ROWS = 5
 
 _THIRD_DIFFERENCES = 20.0
-"""Their variance, of independent numbers with variance 1: 1 + 9 + 9 + 1."""
+"""Variance of third differences of independent numbers with variance 1: 1 + 9 + 9 + 1."""
 
 _LENGTHS = np.array([one.is_length for one in ADAPTED_PARAMETERS])
 
 
 @dataclass(frozen=True)
 class EllipsoidChange:
-    """Of each posture, in the order of ``ADAPTED``."""
+    """Least change of the adapted parameters per posture, in the order of ``ADAPTED``."""
 
     change_mm: Float[np.ndarray, "adapted postures"]
-    """delta; NaN where the status is not ``ok``."""
+    """Change delta; NaN where the status is not ``ok``."""
     in_sd: Float[np.ndarray, "adapted postures"]
-    """delta / SD."""
+    """Change delta / SD."""
     status: Shaped[np.ndarray, " postures"]
 
     @property
     def size_sd(self) -> Float[np.ndarray, " postures"]:
-        """|delta / SD|."""
+        """Size |delta / SD| of the change."""
         return np.sqrt((self.in_sd**2).sum(axis=0))
 
 
 def least_change(
     girdle: Girdle, angles: Float[np.ndarray, "6 postures"], sd_mm: Float[np.ndarray, " adapted"]
 ) -> EllipsoidChange:
-    """Find the least change of the adapted parameters that closes each posture (rad). ``girdle``: one of each posture.
+    """Find the least change of the adapted parameters that closes the chain in each posture (rad).
 
-    ``ok`` where it rests and the chain is closed, else ``not_converged``.
+    ``girdle`` has one element per posture. The status is ``ok`` where the steps converged and the chain is closed, else
+    ``not_converged``.
     """
     theta, scale = np.asarray(girdle.adapted_mm), sd_mm[:, None]
     lowest = np.where(_LENGTHS[:, None], _LEAST_AXIS_MM - theta, -np.inf)
@@ -101,7 +103,7 @@ def foreseen_square_sd(
 
 
 def _linearised(girdle: Girdle, angles, theta) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A1-A3 at the angles and parameters of each posture, with their slopes in the angles and in the parameters."""
+    """Compute A1-A3 at the angles and parameters of each posture, with Jacobians in angles and in parameters."""
     q, by_parameter, zero = list(angles), list(theta), np.zeros(angles.shape[1])
     at = chain(girdle, q, by_parameter, [zero] * 3, closest_point_multipliers(girdle, q, by_parameter))
     T = np.zeros((3, len(theta), len(zero)))
@@ -116,10 +118,11 @@ def _solve(V: Float[np.ndarray, "3 3 postures"], b: Float[np.ndarray, "3 *column
 
 
 def smooth_share(course: Float[np.ndarray, "numbers rows"], sequences: Iterable[Int[np.ndarray, " chosen"]]) -> float:
-    """Compute which share of a course's variance along sequences of rows is smooth: 1 - rough^2 / variance.
+    """Compute the smooth share of a course's variance along sequences of rows: 1 - rough^2 / variance.
 
-    Rough is what third differences see: of independent numbers all, so that the share is 0 but for chance, of a
-    parabola nothing. Rows without numbers, and sequences of fewer than five, are left out; NaN where none is left.
+    The rough part is estimated from third differences. For independent numbers it is the whole variance, so that the
+    smooth share is 0 except by chance; for a parabola it is 0, so that the smooth share is 1. Rows with NaN and
+    sequences with fewer than five rows are left out; the share is NaN where no sequence is left.
     """
     rough, variance = 0.0, 0.0
     for rows in sequences:

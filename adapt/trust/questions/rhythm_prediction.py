@@ -1,4 +1,4 @@
-"""What the published rhythm predicts of measured motions from the bones as measured with the arm lowest."""
+"""Prediction of measured motions by the published rhythm, from the measured posture with the lowest arm."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from motions.rhythm import COEFFICIENTS, REST_DEG, girdle_angles_deg
 from motions.table import Motions
 
 PLANE_COLUMN = "plane_of_elevation_deg"
-"""A column of a motion file that says the plane of each posture."""
+"""Optional column of a motion file with the plane of elevation of each posture."""
 
 PLANES_DEG = {
     "abduction": 0.0,
@@ -19,27 +19,27 @@ PLANES_DEG = {
     "forward_flexion": 90.0,
     "sagittal_elevation": 90.0,
 }
-"""Plane of elevation by the name of the motion, 0 abduction, 90 forward flexion. The scapular plane is 40 degrees in
-front of the frontal one (Ludewig 2009, doi 10.2106/JBJS.G.01483)."""
+"""Plane of elevation by the name of the motion: 0 is abduction, 90 forward flexion. The scapular plane is 40 degrees in
+front of the frontal plane (Ludewig 2009, doi 10.2106/JBJS.G.01483)."""
 
 HORIZONTAL = "horizontal_flexion"
-"""Its ``motion_angle_deg`` is the plane, but for its sign: studies count it to either side."""
+"""Motion whose ``motion_angle_deg`` is the plane except for the sign, which differs between studies."""
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """The rhythm's angles of every posture."""
+    """Angles that the rhythm predicts for every posture."""
 
     angles_deg: Float[np.ndarray, "postures 6"]
-    """ANGLES; NaN where the plane or the elevation is not known."""
+    """Angles in the order of ``ANGLES``; NaN where the plane or the elevation is unknown."""
     scored: Bool[np.ndarray, " postures"]
-    """Predicted, and not among those that gave the angles at rest."""
+    """True where a posture is predicted and did not provide the angles at rest."""
 
 
 def planes_of_elevation_deg(motions: Motions) -> Float[np.ndarray, " postures"]:
-    """Read the plane of elevation of each posture from its column or, without a number there, map it from the motion.
+    """Return the plane of elevation of each posture from its column or, without a number there, from the motion's name.
 
-    Of ``horizontal_flexion`` it is the size of ``motion_angle_deg``. NaN where nothing says it.
+    For ``horizontal_flexion`` the plane is the absolute value of ``motion_angle_deg``. NaN where the plane is unknown.
     """
     read, angle = (_column(motions, name) for name in (PLANE_COLUMN, "motion_angle_deg"))
     mapped = np.array([PLANES_DEG.get(name, np.nan) for name in motions.motion.tolist()])
@@ -54,10 +54,10 @@ def _column(motions: Motions, name: str) -> Float[np.ndarray, " postures"]:
 
 
 def predict_from_lowest(motions: Motions, measured_rest: bool = True) -> Predicted:
-    """Predict ANGLES of every posture by ``girdle_angles_deg`` from the subject's angles at rest.
+    """Predict ``ANGLES`` of every posture by ``girdle_angles_deg`` from the subject's angles at rest.
 
-    At rest are the subject's postures with the lowest elevation; several are averaged, and an angle not measured there
-    is that of ``REST_DEG``. They are not scored. Without ``measured_rest`` all subjects rest as ``REST_DEG`` says, and
+    The angles at rest are the mean of the subject's postures with the lowest elevation; ``REST_DEG`` replaces angles
+    not measured there. These postures are not scored. Without ``measured_rest``, all subjects rest at ``REST_DEG``, and
     the same postures are scored.
     """
     plane, elevation = planes_of_elevation_deg(motions), motions.humerus_elevation_deg

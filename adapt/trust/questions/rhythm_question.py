@@ -18,9 +18,9 @@ WIDTH = "95 % width of a scapular angle"
 
 
 def rhythm_answers(data: AdaptedRows, persons: Persons) -> list[Answer]:
-    """Answer by the differences of what each way of simulating makes of the scored postures, from the measured angles.
+    """Answer by the differences between simulated and measured angles of the scored postures, per way of simulation.
 
-    None where no posture's plane of elevation is known (``rhythm_prediction``).
+    The list is empty where no posture's plane of elevation is known (``rhythm_prediction``).
     """
     motions = data.motions
     own, mean = predict_from_lowest(motions), predict_from_lowest(motions, measured_rest=False)
@@ -45,7 +45,7 @@ def rhythm_answers(data: AdaptedRows, persons: Persons) -> list[Answer]:
 
 
 def _off(angles_deg, motions: Motions, predicted: Predicted) -> Float[np.ndarray, "rows 6"]:
-    """Simulated less measured angles of the scored postures; NaN elsewhere."""
+    """Compute simulated minus measured angles of the scored postures; NaN elsewhere."""
     return np.where(predicted.scored[:, None], angles_deg - motions.angles_deg, np.nan)
 
 
@@ -60,7 +60,7 @@ def _add_way(found: Collector, way: str, angles_deg, motions: Motions, predicted
 
 
 def simulated_deg(data: AdaptedRows, rhythm_deg: Float[np.ndarray, "rows 6"]) -> dict[str, np.ndarray]:
-    """Simulate the postures in each way, (rows, 6), degrees; NaN where the chain cannot."""
+    """Simulate the postures in each way, (rows, 6), degrees; NaN where the chain cannot take a posture."""
     own, adapted, without = data.girdle(), data.girdle(data.adapted_mm), data.girdle(data.without_mm)
     rhythm = rhythm_deg.T / DEG
     found = {
@@ -76,11 +76,12 @@ def simulated_deg(data: AdaptedRows, rhythm_deg: Float[np.ndarray, "rows 6"]) ->
 
 
 def driven(girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 rows"]:
-    """Drive the girdle by the free coordinates that it would have at these angles, rad, the chain left open."""
+    """Drive the girdle by the free coordinates of these angles, which need not close the chain; angles in rad."""
     return drive_each(girdle, free_coordinates_mm(girdle, angles), np.nan_to_num(angles)).angles
 
 
 def _width_deg(persons: Persons, off_deg: Float[np.ndarray, " rows"]) -> float:
-    """Width of the interval about 0 that holds 95 % of normal differences with this mean square over persons."""
+    """Compute the width of the interval about 0 that holds 95 % of normal differences with the mean square over
+    persons."""
     squares = persons.by_subject(off_deg**2)
     return 2.0 * _NORMAL_95 * float(np.sqrt(persons.mean(squares)))

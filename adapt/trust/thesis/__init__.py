@@ -1,1 +1,1 @@
-"""The printed tables of the thesis, and the same tables of any motions and parameter sets."""
+"""Printed tables of the thesis, and the same tables for any motions and parameter sets."""

@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Tables 3.4, 3.5 and 6.1-6.6 of any motions and parameter sets, beside the printed ones of R2, R4 and R6.
+"""Tables 3.4, 3.5 and 6.1-6.6 for any motions and parameter sets, beside the printed tables of R2, R4 and R6.
 
-As the thesis made them: Tables 3.4 and 3.5 are of mean motions with the sets as they are. For Tables 6.1-6.6 every set
-is adapted to the abduction and forward flexion of a subject together and looked at in its abduction.
+The tables follow the thesis. Tables 3.4 and 3.5 are for mean motions with the sets as they are. For Tables 6.1-6.6
+every set is adapted to the abduction and forward flexion of a subject together, and the tables are for the abduction.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -23,47 +23,47 @@ from motions.errors import InputError, listed
 from motions.table import ANGLES, Motions
 
 COLUMNS = ("table", "source", "model", "row", "quantity", "unit", "value", "sd")
-"""Of ``comparison.csv``. sd: over postures in Tables 3.4 and 3.5, over subjects in Table 6.5."""
+"""Columns of ``comparison.csv``; ``sd`` is over postures in Tables 3.4 and 3.5, over subjects in Table 6.5."""
 
 THESIS, GIRDLE = "thesis", "girdle"
-"""Where a number is from."""
+"""Sources of a number."""
 
 ABDUCTIONS, FLEXIONS = ("abduction", "frontal_elevation"), ("forward_flexion", "sagittal_elevation")
-"""What motion files call the two motions."""
+"""Names of the two motions in motion files."""
 
 LEAST_J = "least mean J"
-"""The table of the lower bounds of mean(J) that Tables 6.1-6.4 leave."""
+"""Name of the table of lower bounds of mean(J) that follow from Tables 6.1-6.4."""
 
 FIVE = tuple(angle for angle in ANGLES if angle != "clavicle_x")
 
 _GAPS = {False: ("Table 6.1", "Table 6.2"), True: ("Table 6.3", "Table 6.4")}
-"""By whether the sets are adapted: the tables of clavicle and scapula."""
+"""Tables of clavicle and scapula; the key is True for adapted sets."""
 
 _MOST_NAMED = 10
-"""Subjects in a message."""
+"""Limit of names listed in a message."""
 
 Row = tuple[str, str, str, str, str, str, float, float]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The tables, and the adaptations that Tables 6.1-6.6 rest on; None where all subjects are mean motions."""
+    """Tables, and the adaptations for Tables 6.1-6.6, which are None where all subjects are mean motions."""
 
     table: pd.DataFrame
-    """One row a number: ``COLUMNS``."""
+    """One row per number, with ``COLUMNS``."""
     adaptations: Adaptations | None
 
 
 @dataclass(frozen=True)
 class MotionNames:
-    """What the motions of Tables 3.4 and 3.5 are called, each by one name of the file."""
+    """Names, in the file, of the motions of Tables 3.4 and 3.5."""
 
     abduction: str
     flexion: str
 
     @staticmethod
     def of(motions: Motions, abduction: str = "", flexion: str = "") -> "MotionNames":
-        """Take the names given, else those of ``ABDUCTIONS`` and ``FLEXIONS`` that the motions have."""
+        """Return the given names, or by default the names in ``ABDUCTIONS`` and ``FLEXIONS`` that the motions have."""
         there = set(motions.motion.tolist())
         return MotionNames(
             _name(abduction, ABDUCTIONS, there, "--abduction"), _name(flexion, FLEXIONS, there, "--flexion")
@@ -86,10 +86,10 @@ def comparison(
     means: Sequence[str] = (),
     progress: Progress = lambda _: None,
 ) -> Comparison:
-    """Tabulate the thesis's tables of these motions and models, and the printed ones of the models that it has.
+    """Compute the thesis's tables for these motions and models, and add the printed tables of the thesis's models.
 
-    means: subjects that are mean motions, for Tables 3.4 and 3.5; all others are persons, for Tables 6.1-6.6.
-    InputError where no person has both motions.
+    ``means``: subjects that are mean motions, for Tables 3.4 and 3.5; all others are persons, for Tables 6.1-6.6.
+    Raises InputError where no person has both motions.
     """
     unknown = [name for name in means if name not in motions.subjects]
     if unknown:
@@ -110,7 +110,7 @@ def comparison(
 
 
 def lacking(motions: Motions, names: MotionNames, means: Sequence[str] = ()) -> dict[str, str]:
-    """Say of each person that has not both motions, which it lacks."""
+    """Describe, by person, the motions that are missing in persons without both motions."""
     found = {}
     for subject in motions.subjects:
         own = set(motions.motion[motions.subject == subject].tolist())
@@ -130,7 +130,7 @@ def _of_both(motions: Motions, names: MotionNames) -> Motions:
 
 
 def _mean_motions(fits: pd.DataFrame, names: MotionNames) -> Iterable[Row]:
-    """Tables 3.4 and 3.5: mean and SD over the postures of |simulated - measured|."""
+    """Compute Tables 3.4 and 3.5: mean and SD of |simulated - measured| over the postures."""
     good = fits[fits["status"] == status.OK]
     for table, motion in (("Table 3.4", names.abduction), ("Table 3.5", names.flexion)):
         mine = good[good["motion"] == motion]
@@ -150,7 +150,8 @@ def _printed_means(known: set[str]) -> Iterable[Row]:
 
 
 def _gaps(found: Adaptations, names: MotionNames) -> Iterable[Row]:
-    """Tables 6.1-6.4: mean |simulated - measured| over the postures of abduction, of each subject, and over these."""
+    """Compute Tables 6.1-6.4: mean |simulated - measured| over the postures of abduction, for each subject, and
+    statistics over subjects."""
     summary = found.summary[found.summary["motion"] == names.abduction]
     for row in summary.to_dict("records"):
         for k, table in enumerate(_GAPS[bool(row["adapted"])]):
@@ -173,7 +174,7 @@ def _printed_gaps(known: set[str]) -> Iterable[Row]:
 
 
 def _parameters(found: Adaptations) -> Iterable[Row]:
-    """Table 6.6, the sets' own parameters, and Table 6.5, mean and SD over the adapted subjects."""
+    """Compute Table 6.6, the sets' own parameters, and Table 6.5, mean and SD over the adapted subjects."""
     for row in parameter_statistics(found.parameters).to_dict("records"):
         yield "Table 6.6", GIRDLE, row["model"], "set", row["parameter"], "mm", row["model_mm"], np.nan
         yield "Table 6.5", GIRDLE, row["model"], "mean", row["parameter"], "mm", row["mean_mm"], row["sd_mm"]
@@ -204,8 +205,9 @@ def _printed_least_j(known: set[str]) -> Iterable[Row]:
 
 
 def _bounds(source: str, model: str, gaps: Mapping[bool, Float[np.ndarray, "6 subjects"]]) -> Iterable[Row]:
-    """The mean over angles of squared mean gaps, below which mean(J) of abduction cannot be (Jensen), mean of the
-    subjects before and after adaptation; in how many it grows; and which share of the gaps shrinks."""
+    """Compute a lower bound of mean(J) of abduction (Jensen), the mean over angles of squared mean gaps: its mean over
+    subjects before and after adaptation, and the number of subjects in which it grows. The last row has the share of
+    gaps that shrink."""
     for label, angles in (("six angles", ANGLES), ("five, without the axial rotation", FIVE)):
         before, after = (printed.least_mean_j_deg2(gaps[adapted][None], angles)[0] for adapted in (False, True))
         yield LEAST_J, source, model, "as it is", label, "deg2", float(before.mean()), np.nan
@@ -219,7 +221,8 @@ _MEASURES: dict[str, Callable[[pd.Series], float]] = {"mean": pd.Series.mean, "m
 
 
 def conclusions(table: pd.DataFrame) -> pd.DataFrame:
-    """Tabulate what the thesis concludes from Tables 6.1-6.4: mean and largest gap by source and model."""
+    """Tabulate the numbers behind the thesis's conclusions from Tables 6.1-6.4: mean and largest gap by source and
+    model."""
     numbered = table[~table["row"].isin(STATISTICS)]
     rows = []
     for bone, k in (("clavicle", 0), ("scapula", 1)):

@@ -1,4 +1,4 @@
-"""The printed tables of the thesis (``printed.toml``), and what follows from them. Degrees and mm."""
+"""Printed tables of the thesis (``printed.toml``), and numbers that follow from them. Degrees and mm."""
 
 import functools
 import tomllib
@@ -18,14 +18,14 @@ STATISTICS = {
     "max": lambda x: x.max(axis=0),
     "min": lambda x: x.min(axis=0),
 }
-"""The last rows of Tables 6.1-6.4; std with n - 1."""
+"""Statistics in the last rows of Tables 6.1-6.4; ``std`` has n - 1 in its denominator."""
 
 _MM_PER_CM = 10.0
 
 
 @dataclass(frozen=True)
 class Printed:
-    """One table."""
+    """One printed table."""
 
     title: str
     pages: str
@@ -34,18 +34,18 @@ class Printed:
     values: Float[np.ndarray, "rows columns"]
 
     def cell(self, row: str, column: str) -> float:
-        """Give one number."""
+        """Return one number."""
         return float(self.values[self.rows.index(row), self.columns.index(column)])
 
     @property
     def of_subjects(self) -> Float[np.ndarray, "subjects columns"]:
-        """The rows of a table that are numbered, without its statistics."""
+        """Numbered rows of the table, without its statistics."""
         return self.values[[row.isdigit() for row in self.rows]]
 
 
 @dataclass(frozen=True)
 class Misprint:
-    """A printed statistic that is not that of the printed subjects."""
+    """Printed statistic that differs from the statistic of the printed subjects."""
 
     table: str
     row: str
@@ -61,7 +61,7 @@ def _document() -> dict:
 
 @functools.cache
 def tables() -> dict[str, Printed]:
-    """Read every table, by its name."""
+    """Return every table, by name."""
     return {
         name: Printed(
             one["title"], one["pages"], tuple(one["rows"]), tuple(one["columns"]), np.array(one["values"], float)
@@ -72,13 +72,14 @@ def tables() -> dict[str, Printed]:
 
 
 def misprints() -> list[Misprint]:
-    """List the known ones."""
+    """Return the known misprints."""
     return [Misprint(**one) for one in _document()["misprint"]]
 
 
 @functools.cache
 def gaps_deg(adapted: bool) -> Float[np.ndarray, "sets angles subjects"]:
-    """Tables 6.1 and 6.2, or 6.3 and 6.4: the ten subjects, angles in the order of ANGLES."""
+    """Return the gaps of the ten subjects in Tables 6.1 and 6.2 or, if adapted, 6.3 and 6.4; in the order of
+    ``ANGLES``."""
     names = ("Table 6.3", "Table 6.4") if adapted else ("Table 6.1", "Table 6.2")
     bones = [tables()[name].of_subjects for name in names]
     by_set = [np.concatenate([bone[:, 3 * k : 3 * k + 3] for bone in bones], axis=1) for k in range(len(SETS))]
@@ -87,24 +88,24 @@ def gaps_deg(adapted: bool) -> Float[np.ndarray, "sets angles subjects"]:
 
 @functools.cache
 def sd_mm() -> Float[np.ndarray, "sets adapted"]:
-    """Table 6.5: SD over ten subjects, printed to 1 mm, in the order of ADAPTED."""
+    """Return the SDs over ten subjects in Table 6.5, printed to 1 mm, in the order of ``ADAPTED``."""
     return _MM_PER_CM * tables()["Table 6.5"].values[1:, 1::2].T
 
 
 @functools.cache
 def adapted_mm() -> Float[np.ndarray, "sets adapted"]:
-    """Table 6.5: means of ten subjects, printed to 1 mm."""
+    """Return the means over ten subjects in Table 6.5, printed to 1 mm, in the order of ``ADAPTED``."""
     return _MM_PER_CM * tables()["Table 6.5"].values[1:, 0::2].T
 
 
 @functools.cache
 def own_mm() -> Float[np.ndarray, "sets adapted"]:
-    """Table 6.6: by the thorax points alone, printed to 1 mm."""
+    """Return the sets' own parameters in Table 6.6, fitted to the thorax points alone, printed to 1 mm."""
     return _MM_PER_CM * tables()["Table 6.6"].values[1:].T
 
 
 def least_mean_j_deg2(
     gaps: Float[np.ndarray, "sets angles subjects"], angles: tuple[str, ...] = ANGLES
 ) -> Float[np.ndarray, "sets subjects"]:
-    """Compute the mean over some angles of the squared mean gaps: a lower bound of mean(J) of that motion (Jensen)."""
+    """Compute the mean over some angles of the squared mean gaps: a lower bound of the motion's mean(J) (Jensen)."""
     return (gaps[:, [ANGLES.index(angle) for angle in angles]] ** 2).mean(axis=1)

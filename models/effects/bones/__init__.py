@@ -1,1 +1,1 @@
-"""Effects of bones that are not the cadaver's."""
+"""Effects of bones that differ from the cadaver's."""

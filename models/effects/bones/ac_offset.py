@@ -1,8 +1,8 @@
 """The AC joint is not where the set has it: off the clavicle's axis, or elsewhere in the scapula.
 
-The AC of a set is a landmark on the bones, and the centre about which they turn lies inside the joint. Across the
-clavicle it moves in the clavicle's frame; along it is the clavicle's length. In the scapula TS, AI and the conoid's
-attachment lie elsewhere, seen from the centre.
+AC of a set is a landmark on the bones, but the bones rotate about a centre inside the joint. In the clavicle frame the
+effect moves AC across the axis; a movement along it is a change of the clavicle's length. In the scapula frame the
+effect moves TS, AI and the conoid's attachment relative to the centre.
 """
 
 from dataclasses import replace
@@ -13,7 +13,7 @@ from models.girdle import Girdle
 from motions.arrays import xp
 
 ON_SCAPULA = ("ts_mm", "ai_mm", "scapula_conoid_mm")
-"""What is seen from AC, scapula frame."""
+"""Fields of the girdle that are relative to AC, scapula frame."""
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:

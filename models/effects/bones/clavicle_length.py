@@ -1,7 +1,7 @@
 """The subject's clavicle is longer or shorter than the cadaver's.
 
-The conoid's attachment keeps its share of the length, as the conoid tubercles of men and women do (Rios 2007, doi
-10.1177/0363546506297536).
+The distance of the conoid's attachment from SC keeps its share of the length, as do the conoid tubercles of men and
+women (Rios 2007, doi 10.1177/0363546506297536).
 """
 
 from dataclasses import replace

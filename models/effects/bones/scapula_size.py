@@ -1,6 +1,6 @@
-"""The subject's scapula is larger or smaller than the cadaver's, seen from AC.
+"""The subject's scapula is larger or smaller than the cadaver's, scaled about AC.
 
-The coracoid, where the conoid is attached, goes along for the most part.
+The coracoid, to which the conoid is attached, grows by most of the blade's growth (``CORACOID_SHARE``).
 """
 
 from dataclasses import replace
@@ -10,7 +10,7 @@ from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 CORACOID_SHARE = 0.75
-"""Assumed: of the blade's growth; from half of it to all of it within one standard deviation."""
+"""Growth of the coracoid as a share of the blade's, assumed: half of it to all of it within one standard deviation."""
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rotations]:

@@ -1,4 +1,4 @@
-"""The conoid is not rigid: its length changes as the arm is raised. Soft and one-sided, it strains once it is taut."""
+"""The conoid is not rigid: its length changes as the arm is raised. It is soft and strains only once it is taut."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The SC joint is no ball and socket: the medial clavicle glides on the sternum, and the girdle with it."""
+"""The SC joint is no ball and socket: the medial clavicle, and with it the girdle, glides on the sternum."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""TS and AI change their distance to the thorax: muscle between scapula and ribs thins and thickens."""
+"""The distances of TS and AI to the thorax change: the muscle between scapula and ribs gets thinner or thicker."""
 
 from dataclasses import replace
 

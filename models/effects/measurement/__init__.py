@@ -1,1 +1,1 @@
-"""Effects of the measurement: frames, markers and estimates that are off."""
+"""Effects of the measurement: errors of frames, markers and estimates."""

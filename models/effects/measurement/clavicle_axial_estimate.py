@@ -1,8 +1,8 @@
-"""The axial rotation given as measured is an estimate, and it lags behind the bone's: late, as the bone turns late.
+"""The clavicle's axial rotation that is given as measured is an estimate, which lags behind the bone.
 
-As a course of this library, the axial rotation of six shoulders with bone pins and of one published mean (Moissenet
-2023, Oki 2012) has a second term of -0.2 to -0.8 of the first one, that of another mean (Ludewig 2009) of -0.1 to -0.2;
-f has 0, f^2 has -0.25.
+The lag grows late in a raise, because the bone turns late. In the basis ``OverElevation``, the axial rotation of six
+shoulders with bone pins and of one published mean (Moissenet 2023, Oki 2012) has a second term of -0.2 to -0.8 times
+the first, another mean (Ludewig 2009) one of -0.1 to -0.2. The straight line f has 0 and f^2 has -0.25.
 """
 
 from models.effects.course import LATE
@@ -14,7 +14,7 @@ from motions.rotations import DEG, compose, rotation_from_cardan
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
-    """The true clavicle has turned about its own axis by so much more than the estimate says."""
+    """Turn the clavicle about its own axis by the lag, which the estimate lacks."""
     R_thorax_estimate, R_thorax_scapula = rotations
     zero = xp.zeros_like(deg[0])
     R_estimate_clavicle = rotation_from_cardan(xp.stack([zero, zero, deg[0] / DEG]))

@@ -1,7 +1,7 @@
-"""The measured clavicle frame is turned in the bone by a constant, its axial zero foremost.
+"""The measured clavicle frame is turned in the bone by a constant rotation, mostly about the clavicle's axis.
 
-Landmarks give a clavicle two axes and no third: each laboratory chooses the zero of its axial rotation. A conoid
-attachment turned round the clavicle by as much looks the same.
+Two landmarks do not determine the axial rotation of a clavicle, so each laboratory chooses its zero. A conoid
+attachment turned round the clavicle by the same angle has the same effect.
 """
 
 from models.effects.effect import Effect, Rotations
@@ -11,7 +11,7 @@ from motions.rotations import DEG, compose, rotation_from_vector
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
-    """R_true = R_measured B."""
+    """Compute R_true = R_measured B of the clavicle."""
     R_thorax_measured, R_thorax_scapula = rotations
     return girdle, (compose(R_thorax_measured, rotation_from_vector(deg / DEG)), R_thorax_scapula)
 

@@ -1,4 +1,4 @@
-"""The measured scapula frame is turned in the bone by a constant: AC for AA, or a landmark palpated wrong."""
+"""The measured scapula frame is turned in the bone by a constant rotation: AC for AA, or a landmark palpated wrong."""
 
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
@@ -8,7 +8,7 @@ from motions.rotations import DEG, compose, rotation_from_vector
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
-    """R_measured = R_true B, so R_true = R_measured B'."""
+    """Compute R_true = R_measured B' of the scapula, from R_measured = R_true B."""
     R_thorax_clavicle, R_thorax_measured = rotations
     R_measured_scapula = xp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
     return girdle, (R_thorax_clavicle, compose(R_thorax_measured, R_measured_scapula))

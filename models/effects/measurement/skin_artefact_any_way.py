@@ -1,7 +1,7 @@
-"""A marker on the skin lags behind the scapula, but not on the way that the scapula turns: a second course of the lag.
+"""A marker on the skin lags behind the scapula in any direction, not only along its rotation: the lag's second basis.
 
-Beside a locator that palpates the scapula, a cluster on the acromion shows too little lateral rotation, most above 90
-deg, and may show too much tipping (Meskers et al. 2007, van Andel et al. 2009, Warner et al. 2012).
+Compared with a locator that palpates the scapula, a cluster on the acromion shows too little lateral rotation, most of
+all above 90 deg, and may show too much tipping (Meskers et al. 2007, van Andel et al. 2009, Warner et al. 2012).
 """
 
 from dataclasses import replace
@@ -11,7 +11,8 @@ from models.effects.measurement import skin_artefact
 from models.effects.prior import EffectPrior
 
 BENT = OverElevation(sd=(1.0, 0.5, 0.2))
-"""The second term is 0.1 of the first in flexion as Cereatti 2017 measured it, -0.5 of a lag that begins at 90 deg."""
+"""Basis of the lag. The second term is 0.1 times the first in the flexion of Cereatti 2017, and -0.5 times for a lag
+that begins at 90 deg."""
 
 EFFECT = replace(
     skin_artefact.EFFECT,

@@ -1,4 +1,4 @@
-"""The thorax frame itself turns as the arm is raised: the spine extends, and both bones seem to turn alike."""
+"""The thorax frame turns as the arm is raised, because the spine extends: both bones seem to turn by this rotation."""
 
 from models.effects.course import ELEVATION
 from models.effects.effect import Effect, Rotations
@@ -9,7 +9,7 @@ from motions.rotations import DEG, compose, rotation_from_vector
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
-    """R_measured = E R_true for both bones, E the turn of the thorax on the left; so R_true = E' R_measured."""
+    """Compute R_true = E' R_measured for both bones, from R_measured = E R_true with the rotation E of the thorax."""
     R_true_measured = xp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
     R_clavicle, R_scapula = (compose(R_true_measured, R) for R in rotations)
     return girdle, (R_clavicle, R_scapula)

@@ -1,1 +1,1 @@
-"""Effects of a thorax that is not the ellipsoid."""
+"""Effects of a thorax that differs from the ellipsoid."""

@@ -1,10 +1,10 @@
 """The thorax is not an ellipsoid but squarer or more pointed: a superquadric.
 
-sum |x_i / a_i|^(2 + n) = 1 lies off the ellipsoid, along its normal, by
+To first order in n, the surface sum |x_i / a_i|^(2 + n) = 1 lies off the ellipsoid, along its normal, by
 
     h = -n sum u_i^2 ln |u_i| / (2 |x_i / a_i^2|),   u_i = x_i / a_i
 
-to first order in n; the surface of this effect is the ellipsoid moved by just that.
+The surface of this effect is the ellipsoid moved by exactly h.
 """
 
 from dataclasses import replace
@@ -17,11 +17,11 @@ from models.ellipsoid import closest_point
 from models.girdle import Girdle, chain_landmarks
 
 _SMALLEST_SQUARE = 1e-12
-"""u^2 ln u^2 goes to 0 with u; below this it is 0 to rounding and the logarithm must not be taken."""
+"""Lower limit of u^2, at which u^2 ln u^2 is 0 to rounding; it keeps the logarithm finite."""
 
 
 def _offset_mm(point_mm, girdle: Girdle, exponent):
-    """h at the point of the ellipsoid closest to the given one, for the exponent less 2."""
+    """Compute h at the point of the ellipsoid closest to the given point; ``exponent`` is n."""
     relative, axes = jnp.broadcast_arrays(point_mm - girdle.centre_mm, girdle.semi_axes_mm)
     x = closest_point(relative, axes)
     squares = jnp.maximum((x / axes) ** 2, _SMALLEST_SQUARE)

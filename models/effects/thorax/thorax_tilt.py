@@ -1,4 +1,4 @@
-"""The thorax ellipsoid's axes are not those of the thorax frame: they turn about its centre."""
+"""The axes of the thorax ellipsoid are turned from the axes of the thorax frame, about the ellipsoid's centre."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from motions.rotations import DEG, compose, rotate, rotation_from_vector
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
-    """Everything else turned back about the ellipsoid's centre: the same chain, seen along the ellipsoid's axes."""
+    """Turn all but the ellipsoid back about its centre: the same chain, expressed along the ellipsoid's axes."""
     R_ellipsoid_thorax = xp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
     sc = girdle.centre_mm + rotate(R_ellipsoid_thorax, girdle.sc_mm - girdle.centre_mm)
     R_clavicle, R_scapula = (compose(R_ellipsoid_thorax, R) for R in rotations)

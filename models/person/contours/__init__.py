@@ -1,1 +1,1 @@
-"""Contours of bones in image slices, drawn by a few clicks (thesis, Chapter 2), and their points in mm."""
+"""Contours of bones in image slices, found from a few clicks (thesis, Chapter 2), and their points in mm."""

@@ -1,4 +1,4 @@
-"""Clicks as a CSV file, a row each: slice, x_px, y_px and, if need be, use, surface, subject and posture."""
+"""Clicks as a CSV file, one row per click: slice, x_px, y_px and, if needed, use, surface, subject and posture."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,16 +17,16 @@ from motions.motion_csv.writing import csv_text
 NEEDED = ("slice", "x_px", "y_px")
 
 DRAW, CORRECT = "draw", "correct"
-"""What a click is for: part of a contour; or, three in a row, from, to and via of a correction."""
+"""Uses of a click: a point of a contour; or, three clicks one after the other, from, to and via of a correction."""
 
 DIGITS = 2
-"""Of a click, pixels: as many as the file has."""
+"""Decimals of the pixel coordinates that the file holds."""
 
 _POINTS_OF_CORRECTION = 3
 
 
 class Label(NamedTuple):
-    """Whose contour it is, and of what: a surface of ``girdle model --points``, or of any other name, as a muscle."""
+    """Subject, posture and surface of a contour: a surface of ``girdle model --points``, or another (a muscle)."""
 
     subject: str = ""
     posture: str = ""
@@ -34,18 +34,18 @@ class Label(NamedTuple):
 
 
 class Click(NamedTuple):
-    """One row."""
+    """One click, a row of the file."""
 
     label: Label
     slice: int
-    """From 0."""
+    """Index of the slice, from 0."""
     x_px: float
     y_px: float
     use: str = DRAW
 
 
 def read_clicks(path: Path, slices: Sequence[ImageSlice]) -> list[Click]:
-    """Read clicks. InputError that names the line where one is wrong."""
+    """Read clicks. InputError, with the line, where a row is wrong."""
     table, file = read_table(path), str(path)
     missing = [name for name in NEEDED if name not in table.columns]
     if missing:
@@ -64,14 +64,14 @@ def _click(row: Row, xy: np.ndarray, slices: Sequence[ImageSlice]) -> Click:
     label = Label(**{name: word for name, word in words.items() if word})
     number = _slice_number(row, slices)
     rows, columns = slices[number].grey.shape
-    if not (-0.5 <= xy[0] <= columns - 0.5 and -0.5 <= xy[1] <= rows - 0.5):  # nor NaN, an empty cell
+    if not (-0.5 <= xy[0] <= columns - 0.5 and -0.5 <= xy[1] <= rows - 0.5):  # NaN, an empty cell, fails too
         cause = f"the click at ({xy[0]:g}, {xy[1]:g}) is not in the image of {columns} x {rows} pixels"
         raise InputError(row.file, row.line, cause, "Count pixels from 0, x along a row, y down a column")
     return Click(label, number, float(xy[0]), float(xy[1]), use)
 
 
 def _slice_number(row: Row, slices: Sequence[ImageSlice]) -> int:
-    """A slice by the name of its file, with its ending or without, else by its number from 1."""
+    """Return the index of a row's slice, given by file name with or without ending, else by its number from 1."""
     word = row.cells["slice"].strip()
     names = [Path(one.file) for one in slices]
     named = [k for k, name in enumerate(names) if word in (name.name, name.stem)]
@@ -84,9 +84,9 @@ def _slice_number(row: Row, slices: Sequence[ImageSlice]) -> int:
 
 
 def by_slice(clicks: Sequence[Click], file: str) -> dict[Label, dict[int, SliceClicks]]:
-    """Collect what was clicked for each contour in each slice, in the order of the rows.
+    """Collect the clicks of each contour in each slice, in the order of the rows.
 
-    InputError where the clicks of a slice are no contour, or no corrections.
+    InputError where the number of clicks in a slice does not make a contour or corrections.
     """
     found: dict[Label, dict[int, SliceClicks]] = {}
     for label, k in dict.fromkeys((one.label, one.slice) for one in clicks):
@@ -105,7 +105,7 @@ def by_slice(clicks: Sequence[Click], file: str) -> dict[Label, dict[int, SliceC
 
 
 def write_clicks(path: Path, clicks: Sequence[Click], slices: Sequence[ImageSlice]) -> None:
-    """Write clicks as :func:`read_clicks` reads them."""
+    """Write clicks in the format that :func:`read_clicks` reads."""
     rows = [
         {**one.label._asdict(), "slice": Path(slices[one.slice].file).name, "x_px": f"{one.x_px:.{DIGITS}f}"}
         | {"y_px": f"{one.y_px:.{DIGITS}f}", "use": one.use}

@@ -1,8 +1,9 @@
-"""A contour in one slice: found from clicks or from that of the slice before, corrected by three points, smoothed.
+"""A contour in one slice: found from clicks or the contour of the slice before, corrected by three points, smoothed.
 
-The line that the band lies around is a closed spline through the clicks, which need not be on the edge, or a contour.
-What the path of least cost leaves is filtered as in thesis 2.4: loops are cut off, a polynomial of third order through
-13 neighbouring points replaces each point, and Douglas-Peucker keeps the points that are needed to be 0.5 px from it.
+The band lies around a line: a closed spline through the clicks, which need not be on the edge, or another contour.
+The path of least cost in the band is filtered as in thesis 2.4: loops are cut off, a polynomial of third order through
+13 neighbouring points smooths each point, and Douglas-Peucker keeps the points that a polygon needs to stay within
+0.5 px of the smoothed path.
 """
 
 from collections.abc import Sequence
@@ -17,13 +18,13 @@ from models.person.contours.band import VECTOR_PX, Settings
 from models.person.contours.edge_path import Line, Slopes, area_px2, detect, edge, evenly, normals, smooth_line
 
 _SMOOTHED_POINTS, _ORDER = 13, 3
-"""Of the smoothing polynomial (thesis 2.5)."""
+"""Number of points and order of the smoothing polynomial (thesis 2.5)."""
 
 _NARROW_PX = 2.0
-"""Half width of the second band, around what the first one gave: there the normals are those of the edge."""
+"""Half width of the second band, around the contour of the first, where normals of the line are normals of the edge."""
 
 _KEPT = 4
-"""Every so many points of a contour hold the spline of a correction."""
+"""Step between the points of a contour through which the spline of a correction passes."""
 
 
 @dataclass(frozen=True)
@@ -32,21 +33,21 @@ class Contour:
 
     points_px: Line
     weakest: float
-    """Mean of e (``models.person.contours.edge_path``) over the 13 neighbouring points where it is least, grey levels a
-    pixel: low where the contour left the edge."""
+    """Smallest mean of e (``models.person.contours.edge_path``) over 13 neighbouring points, in grey levels per pixel.
+    A low value shows that the contour left the edge."""
 
 
 Correction = Float[np.ndarray, "2 3"]
-"""From, to and via: two places on a contour, and one where the contour between them should be."""
+"""Points from, to and via: two on a contour, and one through which the contour between them should go."""
 
 
 def drawn_contour(slopes: Slopes, clicks: Float[np.ndarray, "2 clicks"], settings: Settings) -> Contour:
-    """Find the contour near a closed spline through at least three clicks. ValueError where there is none."""
+    """Find the contour near a closed spline through at least three clicks. ValueError where there is no contour."""
     return found_contour(slopes, smooth_line(clicks), settings)
 
 
 def found_contour(slopes: Slopes, line: Line, settings: Settings) -> Contour:
-    """Find the contour in a band around a line, and smooth it. ValueError where what is found has no area."""
+    """Find the contour in a band around a line, and smooth it. ValueError where the contour has no area."""
     for half_width_px in (settings.half_width_px, min(_NARROW_PX, settings.half_width_px)):
         line = smoothed(detect(slopes, line, half_width_px, settings.inside))
     e = edge(slopes, line, normals(line), settings.inside)
@@ -54,9 +55,10 @@ def found_contour(slopes: Slopes, line: Line, settings: Settings) -> Contour:
 
 
 def corrected_line(contour: Line, correction: Correction) -> Line:
-    """Replace the part of a contour between two of its places by a line via a third point.
+    """Replace the part of a contour between two of its points by a line via a third point.
 
-    The part is the one nearer to that point. ValueError where nothing would be left.
+    The points divide the contour into two parts; the part nearer to the third point is replaced. ValueError where
+    nothing of the contour would be left.
     """
     first, last = (int(np.argmin(np.linalg.norm(contour - p[:, None], axis=0))) for p in correction.T[:2])
     via = correction[:, 2]
@@ -71,14 +73,14 @@ def corrected_line(contour: Line, correction: Correction) -> Line:
 
 
 def smoothed(line: Line) -> Line:
-    """Cut loops off, space the points evenly and smooth them. ValueError where no area is left."""
+    """Cut off loops, space the points evenly and smooth them. ValueError where no area is left."""
     whole = evenly(_without_loops(line))
     points = min(_SMOOTHED_POINTS, whole.shape[1] - (1 - whole.shape[1] % 2))
     return np.asarray(savgol_filter(whole, points, min(_ORDER, points - 1), axis=1, mode="wrap"))
 
 
 def _without_loops(line: Line) -> Float[np.ndarray, "2 n"]:
-    """The outline of the largest area that a line encloses, its last point its first, area positive."""
+    """Return the outline of the largest area that a line encloses; positive area, first point repeated last."""
     import shapely  # an extra of the package
 
     whole = shapely.make_valid(shapely.Polygon(line.T))
@@ -90,7 +92,7 @@ def _without_loops(line: Line) -> Float[np.ndarray, "2 n"]:
 
 
 def vectorised(line: Line, tolerance_px: float = VECTOR_PX) -> Line:
-    """Keep the points that a polygon needs to be within the tolerance of the line (Douglas and Peucker 1973)."""
+    """Keep the points that a polygon needs to stay within the tolerance of the line (Douglas and Peucker 1973)."""
     import shapely  # an extra of the package
 
     ring = shapely.LinearRing(line.T).simplify(tolerance_px, preserve_topology=True)
@@ -100,7 +102,7 @@ def vectorised(line: Line, tolerance_px: float = VECTOR_PX) -> Line:
 def corrected_contour(
     slopes: Slopes, contour: Contour, corrections: Sequence[Correction], settings: Settings
 ) -> Contour:
-    """Find the contour anew near the corrected one, one correction after the other."""
+    """Apply the corrections one after the other: find the contour anew near each corrected line."""
     for one in corrections:
         contour = found_contour(slopes, corrected_line(contour.points_px, one), settings)
     return contour

@@ -1,11 +1,12 @@
 """The closed path of least cost in a band around a line: resampling, direction-sensitive gradient, dynamic programming.
 
-Thesis 2.4. The image is resampled on the normals of the line, a row a place on it and a column a distance from it. A
-cell costs 1 - e / max e, e = -dI/dn of a bright object, dI/dn of a dark one, |dI/dn| of either, n the outward normal
-and dI/dn of the image smoothed by a Gaussian. The path goes from row to row to the same column or one beside it and
-ends beside where it began. Between columns it lies where a parabola through e is highest.
+Thesis 2.4. The image is resampled on the normals of the line, with one row per point of the line and one column per
+distance from it. A cell costs 1 - e / max e, where e = -dI/dn for a bright object, dI/dn for a dark one and |dI/dn| for
+either, n is the outward normal, and I is smoothed by a Gaussian. From row to row the path stays in its column or moves
+by one column, and it ends at most one column from its start. Between columns it lies at the maximum of a parabola
+through e.
 
-Positions are in pixels, x along the columns of the image and y down its rows, 0 the middle of the first.
+Positions are in pixels, x along the columns of the image and y down its rows, with 0 in the middle of the first pixel.
 """
 
 from typing import NamedTuple
@@ -18,22 +19,24 @@ from scipy.ndimage import gaussian_filter1d, map_coordinates, spline_filter
 from models.person.contours.band import Inside
 
 Line = Float[np.ndarray, "2 n"]
-"""A closed line, without its first point repeated; the inside on its left where y points up: its area is positive."""
+"""A closed line, without its first point repeated. If y is drawn upward, the inside is on the left: the area is
+positive."""
 
 ALONG_PX, ACROSS_PX = 1.0, 0.5
-"""Steps of the resampling (the first as in thesis 2.5). A path may turn by their ratio, 27 degrees, from its line."""
+"""Steps of the resampling along and across the line (along as in thesis 2.5). Their ratio limits the angle between path
+and line to 27 degrees."""
 
 SMOOTHED_PX = 1.0
-"""SD of the Gaussian: an edge on a circle of radius r moves inward by about its square over 2 r, 0.03 px at 20 px."""
+"""SD s of the Gaussian. It moves an edge on a circle of radius r inward by about s^2 / (2 r), 0.03 px at r = 20 px."""
 
 
 _NEARER = 1e-9
-"""Cost a pixel from the line: of paths of one cost, as where there is no edge at all, the nearest one."""
+"""Cost per pixel of distance from the line: of paths of equal cost, as in an image without edges, the nearest wins."""
 
 
 class Slopes(NamedTuple):
-    """dI/dx and dI/dy of a smoothed image, as coefficients of cubic splines: straight lines between pixels would put
-    an edge up to a quarter of a pixel off."""
+    """dI/dx and dI/dy of a smoothed image, as coefficients of cubic splines. Linear interpolation between pixels would
+    put an edge up to a quarter of a pixel off."""
 
     x: Float[np.ndarray, "rows columns"]
     y: Float[np.ndarray, "rows columns"]
@@ -57,7 +60,7 @@ def area_px2(line: Line) -> float:
 
 
 def smooth_line(points: Line) -> Line:
-    """Lay a closed cubic spline through the points, by the lengths of the chords, a point about every ``ALONG_PX``.
+    """Sample a closed cubic spline through the points (knots by chord length) about every ``ALONG_PX``.
 
     ValueError for fewer than three different points.
     """
@@ -73,7 +76,7 @@ def smooth_line(points: Line) -> Line:
 
 
 def evenly(closed: Float[np.ndarray, "2 n"]) -> Line:
-    """Place points about ``ALONG_PX`` apart on a polygon whose last point is its first."""
+    """Place points about ``ALONG_PX`` apart on a polygon whose first point is repeated last."""
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(closed, axis=1), axis=0)))
     at = np.linspace(0.0, length[-1], max(8, round(length[-1] / ALONG_PX)) + 1)[:-1]
     return np.stack([np.interp(at, length, row) for row in closed])
@@ -86,7 +89,7 @@ def normals(line: Line) -> Float[np.ndarray, "2 n"]:
 
 
 def edge(slopes: Slopes, at: Float[np.ndarray, "2 ..."], n: Float[np.ndarray, "2 ..."], inside: Inside):
-    """Compute e at positions with outward normals n; the image goes on beyond its border as it is there."""
+    """Compute e at positions with outward normals n; beyond the image's border the gradient keeps its border value."""
     places = at[::-1].reshape(2, -1)
     x, y = (map_coordinates(one, places, mode="nearest", prefilter=False).reshape(at.shape[1:]) for one in slopes)
     outward = x * n[0] + y * n[1]
@@ -94,7 +97,7 @@ def edge(slopes: Slopes, at: Float[np.ndarray, "2 ..."], n: Float[np.ndarray, "2
 
 
 def detect(slopes: Slopes, line: Line, half_width_px: float, inside: Inside) -> Line:
-    """Find the closed path of least cost within ``half_width_px`` on both sides of a line, a point for each of its."""
+    """Find the closed path of least cost within ``half_width_px`` of a line, with one point per point of the line."""
     n = normals(line)
     steps = max(1, round(half_width_px / ACROSS_PX))
     away = ACROSS_PX * np.arange(-steps, steps + 1)
@@ -107,10 +110,12 @@ def detect(slopes: Slopes, line: Line, half_width_px: float, inside: Inside) -> 
 
 
 def closed_path(cost: Float[np.ndarray, "rows columns"]) -> Int[np.ndarray, " rows"]:
-    """Find the columns of the path of least total cost from the first to the last row that goes at most one column
-    aside from row to row, and from the last row to the first."""
+    """Find the columns of the closed path of least total cost through all rows.
+
+    Neighbouring rows, including the last and the first, differ by at most one column.
+    """
     rows, columns = cost.shape
-    total = np.where(np.eye(columns, dtype=bool), cost[0], np.inf)  # by first column, by column
+    total = np.where(np.eye(columns, dtype=bool), cost[0], np.inf)  # axes: column in the first row, current column
     came = np.zeros((rows, columns, columns), np.int8)
     for row in range(1, rows):
         padded = np.pad(total, ((0, 0), (1, 1)), constant_values=np.inf)
@@ -128,7 +133,10 @@ def closed_path(cost: Float[np.ndarray, "rows columns"]) -> Int[np.ndarray, " ro
 
 
 def _between(e: Float[np.ndarray, "rows columns"], path: Int[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:
-    """Where the parabola through e at the path and beside it is highest, in columns, at most one away; else 0."""
+    """Compute the offset, in columns and at most one, of the maximum of the parabola through e at and beside the path.
+
+    The offset is 0 where the parabola has no maximum, or where the path is in an outermost column.
+    """
     inner = np.clip(path, 1, e.shape[1] - 2)
     before, here, after = (e[np.arange(len(path)), inner + k] for k in (-1, 0, 1))
     bent = before - 2.0 * here + after

@@ -1,9 +1,9 @@
-"""Image slices of a tomographic scan: grey levels, and where each pixel is in mm. Read by pydicom and Pillow.
+"""Image slices of a tomographic scan: grey levels, and the position of each pixel in mm. Read by pydicom and Pillow.
 
-DICOM has its own places: pixel (x, y) is at ImagePositionPatient + x dx r + y dy c, r and c the two directions of
-ImageOrientationPatient, dy and dx PixelSpacing; the frame is the patient's (left, back, up), right-handed. The slices
-are in the order of their positions. Of other images --pixel-mm and --slice-mm say it: x to the right, y down, z away
-from the viewer from slice to slice, right-handed too.
+A DICOM file states positions: pixel (x, y) is at ImagePositionPatient + x dx r + y dy c, with r and c the two
+directions of ImageOrientationPatient, and dy and dx the PixelSpacing. The frame is the patient's (left, back, up),
+right-handed. The slices are sorted by position. Positions in other images follow from --pixel-mm and --slice-mm: x to
+the right, y down, z away from the viewer from slice to slice, right-handed too.
 """
 
 import importlib.util
@@ -20,38 +20,38 @@ from motions.errors import InputError, pip_install
 from motions.files import unreadable
 
 _EXTRA = {"pydicom": "pydicom", "PIL": "pillow", "shapely": "shapely"}
-"""Modules of the extra `contour`, and the packages that hold them."""
+"""Modules of the extra ``contour``, and the packages that provide them."""
 
 _ENDINGS = (".dcm", ".ima", ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", "")
-"""Of a folder, the files that are taken for slices."""
+"""Endings of the files of a folder that are read as slices."""
 
 _SAME_PLACE = 1e-3
-"""Directions, and mm of spacings and positions, that differ by less are the same: DICOM writes them as decimals."""
+"""Difference below which pixel vectors and positions (mm) count as equal, because DICOM writes them as decimals."""
 
 _ONE_SLICE_A_FILE = "Export the series as one grey image a slice"
 
 
 @dataclass(frozen=True, eq=False)
 class ImageSlice:
-    """One slice."""
+    """One image slice and the positions of its pixels."""
 
     file: str
     grey: Float[np.ndarray, "rows columns"]
     origin_mm: Float[np.ndarray, "3"]
-    """Of the middle of pixel (0, 0)."""
+    """Position of the middle of pixel (0, 0)."""
     x_mm: Float[np.ndarray, "3"]
-    """From a pixel to the next one in its row."""
+    """Vector from a pixel to the next pixel in its row."""
     y_mm: Float[np.ndarray, "3"]
-    """From a pixel to the next one in its column."""
+    """Vector from a pixel to the next pixel in its column."""
 
     def to_mm(self, points_px: Float[np.ndarray, "2 n"]) -> Float[np.ndarray, "3 n"]:
-        """Compute positions in mm of points in pixels."""
+        """Convert points in pixels to positions in mm."""
         x, y = points_px
         return self.origin_mm[:, None] + self.x_mm[:, None] * x + self.y_mm[:, None] * y
 
 
 def require_extra() -> None:
-    """Raise InputError where a package of the extra `contour` is not installed."""
+    """Raise InputError if a package of the extra ``contour`` is not installed."""
     missing = [package for module, package in _EXTRA.items() if importlib.util.find_spec(module) is None]
     if missing:
         cause = f"contours need {' and '.join(missing)}, not installed here"
@@ -61,10 +61,11 @@ def require_extra() -> None:
 def read_slices(
     paths: Sequence[Path], pixel_mm: float | None = None, slice_mm: float | None = None
 ) -> list[ImageSlice]:
-    """Read slices, each file one, or all files of a folder, in the order of their places.
+    """Read slices, one per file, in the order of their positions; a folder stands for all its files.
 
-    pixel_mm and slice_mm: of images without places of their own, which are in the order of their names, numbers in
-    these as numbers. InputError where a file is no slice, or where the slices do not lie on one stack.
+    ``pixel_mm`` and ``slice_mm`` hold for images that state no positions. Such images are in natural order of their
+    names: numbers in the names count as numbers. InputError where a file is no slice, or where the slices do not form
+    one stack.
     """
     require_extra()
     files = sorted(_files(paths), key=_natural)
@@ -115,7 +116,7 @@ def _dicom(path: Path) -> ImageSlice:
     except AttributeError as error:
         cause = f"it does not say where its pixels are or has none ({error})"
         raise InputError(file, None, cause, "Export the series of slices, not a report or a view") from error
-    except Exception as error:  # pydicom's decoders raise many kinds
+    except Exception as error:  # pydicom's decoders raise exceptions of many types
         remedy = "Export the series uncompressed (Explicit VR Little Endian)"
         raise InputError(file, None, f"the image cannot be decoded ({error})", remedy) from error
     if grey.ndim != 2:
@@ -129,7 +130,7 @@ def _image(path: Path) -> ImageSlice:
     try:
         with Image.open(path) as opened:
             grey = np.asarray(opened if opened.mode in ("F", "I", "I;16", "I;16B", "L") else opened.convert("L"), float)
-    except Exception as error:  # Pillow's decoders raise many kinds
+    except Exception as error:  # Pillow's decoders raise exceptions of many types
         raise InputError(str(path), None, "this is no image that can be read", "Give DICOM or PNG files") from error
     nothing = np.full(3, np.nan)
     return ImageSlice(str(path), grey, nothing, nothing, nothing)
@@ -145,7 +146,7 @@ def _placed(slices: list[ImageSlice], pixel_mm: float | None, slice_mm: float | 
 
 
 def _stacked(slices: list[ImageSlice]) -> list[ImageSlice]:
-    """Slices with places, in their order along the normal of the first."""
+    """Check that slices with positions form one stack, and sort them along the normal of the first slice."""
     first = slices[0]
     for one in slices:
         if not (

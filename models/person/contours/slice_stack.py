@@ -1,9 +1,10 @@
-"""A contour through a stack of slices: drawn in one, propagated to its neighbours, corrected where it fails.
+"""A contour through a stack of slices: drawn in one slice, propagated to its neighbours, corrected where it fails.
 
-The contour of a slice is where that of the next one is looked for (thesis 2.3), forward from the first slice with
-clicks and backward from it. A slice that is drawn anew goes on with what was drawn; one with corrections with what they
-gave. Where two slices differ by more than the band is wide, propagation fails, mostly in the slices after it too. Then
-a part of the contour lies on no edge, which ``doubtful`` looks for.
+The contour of a slice is the line around which the contour of the next slice is searched (thesis 2.3), forward and
+backward from the first slice with drawn clicks. Further drawn clicks, and corrections, replace the contour of their
+slice, and propagation continues from the new contour. Propagation fails where two slices differ by more than the width
+of the band, and mostly in the slices after them too. A part of the contour then lies on no edge; ``doubtful`` detects
+such slices.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -23,13 +24,14 @@ from models.person.contours.closed_contour import (
 from models.person.contours.edge_path import Slopes
 
 DOUBTFUL = 0.5
-"""Share of the weakest edge of the slices that were drawn, below which a contour should be looked at. In simulated
-stacks a contour that lost its bone, or a part of it, has less than a tenth, a sound one nine tenths."""
+"""Limit of a contour's weakest edge, as a share of the mean over the drawn slices, below which the contour should be
+checked. In simulated stacks the share is below a tenth where the contour lost its bone or a part of it, and nine tenths
+where it is sound."""
 
 
 @dataclass(frozen=True)
 class SliceClicks:
-    """What was clicked in one slice, pixels."""
+    """Clicks in one slice, in pixels."""
 
     drawn: Float[np.ndarray, "2 clicks"] | None = None
     corrections: tuple[Correction, ...] = ()
@@ -38,9 +40,9 @@ class SliceClicks:
 def follow(
     slopes_of_slice: Callable[[int], Slopes], count: int, clicks: Mapping[int, SliceClicks], settings: Settings
 ) -> dict[int, Contour]:
-    """Find the contour of every slice, by its number from 0.
+    """Find the contour of every slice, by its index from 0.
 
-    ValueError that names the slice (from 1) where there is no contour, or where no slice has drawn clicks.
+    ValueError where a slice has no contour, with its number from 1, or where no slice has drawn clicks.
     """
     drawn = [k for k in sorted(clicks) if clicks[k].drawn is not None]
     if not drawn:
@@ -53,7 +55,7 @@ def follow(
 
 
 def _onward(found: dict[int, Contour], order: Iterable[int], slopes_of_slice, clicks, settings: Settings) -> None:
-    """Go through slices in this order, each from the contour of the one before."""
+    """Find the contours of slices in this order, each from the contour of the slice before."""
     before: Contour | None = None
     for k in order:
         if k not in found:
@@ -75,8 +77,8 @@ def _of_slice(slopes: Slopes, before: Contour | None, clicks: SliceClicks, setti
 
 
 def doubtful(found: Mapping[int, Contour], clicks: Mapping[int, SliceClicks]) -> list[int]:
-    """Name the slices without clicks, from 0, whose weakest edge is below ``DOUBTFUL`` of the mean of those that were
-    drawn."""
+    """List the slices without clicks (indices from 0) whose weakest edge is below ``DOUBTFUL`` times the mean weakest
+    edge of the drawn slices."""
     drawn = [found[k].weakest for k, one in clicks.items() if one.drawn is not None]
     least = DOUBTFUL * float(np.mean(drawn))
     return [k for k, one in found.items() if k not in clicks and one.weakest < least]

@@ -1,1 +1,1 @@
-"""Positions of landmarks: where they are in a girdle, what they say of its numbers, and how joints moved."""
+"""Landmark positions: their computation from a girdle, and the numbers and joint movements that they measure."""

@@ -1,7 +1,7 @@
-"""The numbers of a girdle that positions of landmarks measure, whatever the angles: medians over a person's postures.
+"""The numbers n of a girdle that landmark positions measure without any angle: medians over a person's postures.
 
-n = (SC, |SC-AC|, TS_x, AI_x, AI_y): SC in the thorax frame, the last three in the frame of the scapula, whose origin is
-AC and whose x axis comes from TS (thesis, Appendix A).
+n = (SC, |SC-AC|, TS_x, AI_x, AI_y): SC in the thorax frame, the last three in the scapula frame, with its origin at AC
+and its x axis from TS to AC (thesis, Appendix A).
 """
 
 from collections.abc import Mapping
@@ -16,31 +16,31 @@ from motions.landmarks.frames import scapula_frame, transposed
 from motions.rotations import rotate
 
 MEASURED = ("sc_mm", "ac_mm", "ts_mm", "ai_mm")
-"""What of a girdle landmarks measure."""
+"""Fields of a girdle that landmarks measure."""
 
 IN_GIRDLE = tuple(
     NUMBERS[name].start + axis
     for name, axes in zip(MEASURED, ((0, 1, 2), (0,), (0,), (0, 1)), strict=True)
     for axis in axes
 )
-"""Which of ``Girdle.numbers_mm`` n are, AC on the axis of the clavicle."""
+"""Indices of n in ``Girdle.numbers_mm``, with AC on the axis of the clavicle."""
 
 KEYS = (*["clavicle.sc_mm"] * 3, "clavicle.length_mm", "scapula.ts_mm", *["scapula.ai_mm"] * 2)
-"""The key of a parameter set that has each."""
+"""Key in a parameter set of each number of n."""
 
 
 class LandmarkNumbers(NamedTuple):
-    """Of one person or of several, mm; NaN where not measured."""
+    """The numbers n of one person or of several, mm; NaN where not measured."""
 
     values_mm: Float[np.ndarray, " seven *persons"]
     sd_mm: Float[np.ndarray, " seven *persons"]
-    """Of the medians."""
+    """SDs of the medians."""
 
 
 def numbers_of(
     landmarks_mm: Mapping[str, Float[np.ndarray, "3 postures"]], postures: Bool[np.ndarray, " postures"]
 ) -> LandmarkNumbers:
-    """Take the medians over some postures."""
+    """Compute n and its SDs over the postures of a mask."""
     nowhere = np.full((3, int(postures.sum())), np.nan)
     SC, AC, TS, AI = (
         landmarks_mm[name][:, postures] if name in landmarks_mm else nowhere for name in ("SC", "AC", "TS", "AI")

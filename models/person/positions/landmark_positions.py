@@ -1,11 +1,11 @@
-"""Where the landmarks of the girdle are, in the thorax frame in which they would be measured, mm.
+"""Positions of the landmarks of the girdle, in the thorax frame in which they would be measured, mm.
 
     SC,    AC = SC + R_C ac,    TS = AC + R_S ts,    AI = AC + R_S ai,    AA = AC + R_S aa
 
-R_C and R_S are the true rotations of the bones: a palpated or pinned point lies on the bone, whatever frame its angles
-have, so effects that only turn a measured frame do not move it. An effect that turns the thorax frame itself turns what
-is measured in it. aa is a constant of the person, as is how far each of the others lies from where the parameter set
-has it (:func:`positions_mm`).
+R_C and R_S are the true rotations of the bones. A palpated or pinned point lies on the bone, so an effect that only
+turns the measured frame of a bone does not move the point. An effect that turns the thorax frame turns all positions
+measured in this frame. The place aa is a constant of the person, as are the offsets of the other landmarks from their
+places in the parameter set (:func:`positions_mm`).
 """
 
 from collections.abc import Mapping
@@ -24,14 +24,14 @@ from motions.arrays import Array, xp
 from motions.rotations import compose, rotate
 
 ON_SCAPULA = ("TS", "AI", "AA")
-"""Landmarks that the scapula carries, beside AC, its origin."""
+"""Landmarks on the scapula, apart from its origin AC."""
 
 POSITIONS = ("SC", "AC", *ON_SCAPULA)
-"""Landmarks whose positions a girdle has, AA with a place of the person's own."""
+"""Landmarks with a position in a girdle; AA only with the person's own place of it."""
 
 OwnPlaces = Mapping[str, Float[Array, " 3 *batch"]]
-"""By landmark, how far a person's lies from where the girdle has it: SC in the thorax, AC in the clavicle, those of the
-scapula in the scapula; of AA, which no parameter set has, its place."""
+"""Offset of a person's landmark from its place in the girdle, by landmark: SC in the thorax frame, AC in the clavicle
+frame, TS and AI in the scapula frame. For AA, which no parameter set has, the place itself, in the scapula frame."""
 
 AT_THE_SET: OwnPlaces = MappingProxyType({})
 
@@ -39,21 +39,21 @@ AT_THE_SET: OwnPlaces = MappingProxyType({})
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class BonePoses:
-    """Where the bones are, in the thorax frame as it was measured."""
+    """Poses of the bones in the measured thorax frame, and places of the landmarks in the bones."""
 
     SC_mm: Float[Array, " 3 *batch"]
     R_thorax_clavicle: Float[Array, " 3 3 *batch"]
     R_thorax_scapula: Float[Array, " 3 3 *batch"]
     AC_mm: Float[Array, " 3 *batch"]
-    """In the clavicle."""
+    """Clavicle frame."""
     TS_mm: Float[Array, " 3 *batch"]
-    """In the scapula."""
+    """Scapula frame."""
     AI_mm: Float[Array, " 3 *batch"]
-    """In the scapula."""
+    """Scapula frame."""
 
 
 def bone_poses(girdle: AnyGirdle, angles: Float[Array, " 6 *batch"]) -> BonePoses:
-    """Find SC and the true rotations of the bones at angles as they would be measured, rad, with what is active."""
+    """Compute SC and the true rotations of the bones from measured angles (rad), with the active effects."""
     if isinstance(girdle, Girdle):
         return _poses(girdle, bone_rotations(angles))
     steps = list(girdle.steps(angles))
@@ -71,7 +71,7 @@ def _poses(girdle: Girdle, rotations: Rotations) -> BonePoses:
 
 
 def _turned_back(poses: BonePoses, effect: Effect, before, after) -> BonePoses:
-    """Turn everything from the true thorax frame to the measured one: R_true = X R_measured of both bones."""
+    """Turn the poses from the true to the measured thorax frame, by X' of R_true = X R_measured (both bones)."""
     (girdle, (_, R_measured)), (_, (_, R_true)) = before, after
     back = compose(R_measured, xp.swapaxes(R_true, 0, 1))
     centre = girdle.centre_mm if effect.turns_thorax_about == "ellipsoid" else xp.zeros_like(girdle.centre_mm)
@@ -84,7 +84,7 @@ def _turned_back(poses: BonePoses, effect: Effect, before, after) -> BonePoses:
 
 
 def positions_mm(poses: BonePoses, own: OwnPlaces = AT_THE_SET) -> dict[str, Float[np.ndarray, " 3 *batch"]]:
-    """Compute the position of every landmark: of AA only with a place of its own."""
+    """Compute the position of every landmark; AA only where ``own`` has its place."""
     SC = poses.SC_mm + own.get("SC", 0.0)
     AC = SC + rotate(poses.R_thorax_clavicle, poses.AC_mm + own.get("AC", 0.0))
     in_scapula = {"TS": poses.TS_mm + own.get("TS", 0.0), "AI": poses.AI_mm + own.get("AI", 0.0)}

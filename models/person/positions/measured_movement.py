@@ -1,11 +1,12 @@
-"""How SC and AC moved, as positions measured it: no number is fitted to the movement.
+"""Movements of SC and AC as landmark positions measure them, without a fitted amplitude.
 
     sc_translation: SC_p - mean(SC)                              thorax frame
     ac_translation: R_C' (AC_p - SC_p) - mean                    clavicle frame, where AC was measured
-                    R_C' (AA_p - SC_p - R_S a) - mean            where AA was
+                    R_C' (AA_p - SC_p - R_S a) - mean            clavicle frame, where AA was measured instead
 
-over the postures p of a subject, R_C and R_S at its measured angles. The place a of AA in the scapula and AC in the
-clavicle are the constants for which AA = SC + R_C ac + R_S a fits best in all of them (:func:`_place_of_aa_mm`).
+over the postures p of a subject, with R_C and R_S at the measured angles. The place a of AA in the scapula and the
+place ac of AC in the clavicle are the constants for which AA = SC + R_C ac + R_S a fits best over all postures
+(:func:`_place_of_aa_mm`).
 """
 
 from collections.abc import Callable, Mapping
@@ -20,32 +21,33 @@ from motions.rotations import DEG, rotate
 from motions.table import Motions
 
 MEASURED = "measured"
-"""In place of amplitudes: the movement that positions have measured."""
+"""Word that stands in place of amplitudes and selects the movement measured by landmark positions."""
 
 _LANDMARKS: Mapping[str, str] = {"sc_translation": "SC", "ac_translation": "SC, and AC or AA"}
-"""By effect, the landmarks whose positions show it."""
+"""Landmarks whose positions show an effect, by effect."""
 
 _AC_MM, _AC_SD_MM = np.array([155.0, 0.0, 0.0]), np.array([15.0, 12.0, 12.0])
-"""AC in the clavicle: the lengths of the shipped sets are 145-182 mm; an axis may be 4 deg off, and the joint 3 mm off
-it (``models.person.own_bones``)."""
+"""Prior mean and SD of AC in the clavicle frame. The shipped sets have lengths of 145-182 mm; the axis of the clavicle
+may be 4 deg off, and the joint 3 mm off this axis (``models.person.own_bones``)."""
 
 AA_SD_MM = 30.0
-"""Of AA about AC, some 40 mm behind it and beside it: to hold what rotations that hardly differ do not tell."""
+"""Prior SD of the coordinates of AA relative to AC; AA lies some 40 mm behind and beside AC. The prior determines the
+solution where rotations differ too little to do so."""
 
 POSITION_SD_MM = 3.0
-"""Of a measured AA about the best chain: it sets only how much the two SDs above say."""
+"""SD of a measured AA about the best chain. It only sets the weight of the positions against the two priors above."""
 
 Places = Mapping[str, Float[np.ndarray, "3 postures"]]
 
 
 def measurable(name: str) -> bool:
-    """Tell whether positions can measure the strength of this effect."""
+    """Check whether landmark positions can measure the strength of this effect."""
     return name in _LANDMARKS
 
 
 def measured_movement_mm(name: str, motions: Motions) -> Float[np.ndarray, "3 postures"]:
-    """Compute the strength of an effect at every posture from the positions that were measured, mm; 0 where they or the
-    angles were not. InputError where no posture has them."""
+    """Compute the strength of an effect at every posture from measured positions, mm; 0 where positions or angles are
+    missing. InputError where no posture has them."""
     found = _movement_mm(name, motions)
     if not np.isfinite(found).any():
         cause = f"{name}={MEASURED} needs positions of {_LANDMARKS[name]}, and the motions have none"
@@ -55,7 +57,7 @@ def measured_movement_mm(name: str, motions: Motions) -> Float[np.ndarray, "3 po
 
 
 def warn_of_unmeasured(names: list[str], motions: Motions) -> None:
-    """Warn of the postures in which a movement that is put in as measured was not."""
+    """Warn of postures that lack the positions of an effect whose movement is taken as measured."""
     for name in names:
         missing = int((~_known(_movement_mm(name, motions))).sum())
         if missing:
@@ -64,7 +66,7 @@ def warn_of_unmeasured(names: list[str], motions: Motions) -> None:
 
 
 def _movement_mm(name: str, motions: Motions) -> Float[np.ndarray, "3 postures"]:
-    """NaN where it was not measured."""
+    """Compute the movement at every posture, mm; NaN where it was not measured."""
     places, of_subject = measured_places_mm(motions), _MOVEMENTS[name]
     nowhere = np.full((3, len(motions.posture)), np.nan)
     at = {landmark: places.get(landmark, nowhere) for landmark in ("SC", "AC", "AA")}
@@ -87,7 +89,7 @@ def _sc_mm(at: Places, *_) -> Float[np.ndarray, "3 postures"]:
 
 
 def _ac_mm(at: Places, R_thorax_clavicle, R_thorax_scapula) -> Float[np.ndarray, "3 postures"]:
-    """AC in the clavicle."""
+    """Compute AC in the clavicle frame, from AA where no posture has AC."""
     AC = at["AC"]
     if not _known(AC - at["SC"]).any():
         a = _place_of_aa_mm(at, R_thorax_clavicle, R_thorax_scapula)
@@ -102,7 +104,7 @@ _MOVEMENTS: Mapping[str, Callable[..., Float[np.ndarray, "3 postures"]]] = {
 
 
 def _place_of_aa_mm(at: Places, R_thorax_clavicle, R_thorax_scapula) -> Float[np.ndarray, "3"]:
-    """Find AA in the scapula by least squares: AA - SC = R_C ac + R_S a in every posture, ac and a with their SDs."""
+    """Find the place of AA in the scapula by least squares over AA - SC = R_C ac + R_S a, with priors on ac and a."""
     rotations = np.concatenate([R_thorax_clavicle, R_thorax_scapula], axis=1)
     away = at["AA"] - at["SC"] - rotate(R_thorax_clavicle, _AC_MM[:, None])
     known = _known(away) & np.isfinite(rotations).all(axis=(0, 1))

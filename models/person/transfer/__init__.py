@@ -1,1 +1,1 @@
-"""Attachments carried from bone to bone, by landmarks or surfaces, and how far they are from measured ones."""
+"""Attachments carried from bone to bone, by landmarks or surfaces, and their distances to measured attachments."""

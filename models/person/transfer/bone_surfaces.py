@@ -1,16 +1,16 @@
 """Points of a generic bone carried to a person's bone by the shapes of their surfaces (thesis 5.2.4).
 
 1. **Similarity** from the moments of the two clouds of surface points: the centroids give the translation, the roots of
-   the total variances the scale, the principal axes the rotation. An axis has no sense: of the four right-handed
-   choices the one is taken that leaves the surfaces nearest to each other.
-2. **Stretch**: along the principal axes to the person's variances, then by the affine map that lays the surface on the
-   person's: each point on the tangent plane of the nearest one, again and again.
-3. **Deformation**: every control point goes to the nearest place of the person's, as a biharmonic spline (the thin
-   plate of three dimensions, kernel r, with a linear part) has it; again with less smoothing, so that the surfaces end
-   on each other. Named landmarks of both bones hold it where they are.
+   the total variances the scale, the principal axes the rotation. An axis has no sign, so there are four right-handed
+   rotations; the one with the smallest mean distance between the surfaces is taken.
+2. **Stretch** along the principal axes to the person's variances, then by an affine map that lays the surface on the
+   person's surface: iterations move each point towards the tangent plane at the nearest point.
+3. **Deformation** by a biharmonic spline (the thin plate of three dimensions, kernel r, with a linear part) that moves
+   every control point to the nearest place of the person's surface; repeated with less smoothing, so that the surfaces
+   coincide at the end. Common landmarks of the bones hold the spline at their places.
 
-The thesis deforms by a force field between the surfaces, which it does not publish; this is not that method. Its
-principle is the same: no correspondence but nearness, so that points may slide along a featureless surface.
+The thesis deforms by a force field between the surfaces, which it does not publish. This method is another one of the
+same principle: only nearness defines correspondence, so points may slide along a featureless surface.
 
 Points are ``(3, n)``, mm, right-handed; both clouds should cover their surface evenly.
 """
@@ -25,42 +25,44 @@ from jaxtyping import Float
 Points = Float[np.ndarray, "3 points"]
 
 _SMOOTHINGS = (30.0, 10.0, 3.0, 1.0, 0.3, 0.1)
-"""mm of the spline's regularisation, from stiff to soft: the surface settles as a whole before its details do."""
+"""Regularisation of the spline (mm), from stiff to soft: the surface as a whole is fitted before its details."""
 
 _MOST_CONTROL = 400
-"""Control points of the spline, evenly chosen: a bone's shape at 1 cm, and a dense system of equations."""
+"""Maximum number of evenly chosen control points of the spline. They resolve a bone's shape to 1 cm; their system of
+equations is dense."""
 
 _PLANE_SD, _STRETCH_SD = 0.005, 0.1
-"""What is expected of the affine map, in sizes of the bone: points half a per cent off the planes after it, because
-bones differ in their features too, and a map that stretches, shears and shifts by a tenth. Without the second a surface
-that is nearly an ellipsoid slides along itself."""
+"""Prior SDs of the affine map, in units of the bone's size. Points are off the tangent planes by half a per cent after
+the map, because bones differ in their features too; the map stretches, shears and shifts by a tenth. Without the second
+prior a surface that is nearly an ellipsoid slides along itself."""
 
 _MOST_STEPS, _AT_REST_MM = 60, 1e-4
-"""The affine map is found when no point moves farther than this; of synthetic bones in 10 to 40 steps."""
+"""Maximum number of iterations of the affine map, and its tolerance: the movement of every point (mm) in one iteration.
+Synthetic bones take 10 to 40 iterations."""
 
 _LEAST_GAP = 0.02
-"""Principal variances nearer to each other than this share give no axis of their own."""
+"""Smallest difference of two principal variances, as a share of the largest, at which their axes are defined."""
 
 
 @dataclass(frozen=True)
 class Similarity:
-    """target = scale R source + t."""
+    """Similarity transformation: target = scale R source + t."""
 
     scale: float
     R: Float[np.ndarray, "3 3"]
     t: Float[np.ndarray, "3"]
 
     def of(self, points: Points) -> Points:
-        """Move points."""
+        """Map points."""
         return self.scale * self.R @ points + self.t[:, None]
 
 
 def similarity_by_inertia(source: Points, target: Points) -> Similarity:
-    """Find translation, rotation and scale from the inertia of the two surfaces (thesis 5.2.4).
+    """Compute translation, rotation and scale from the inertia of the two surfaces (thesis 5.2.4).
 
     ValueError where a surface is so round that its principal axes are not defined.
     """
-    from scipy.spatial import KDTree  # 0.2 s: not for every command
+    from scipy.spatial import KDTree  # takes 0.2 s, and only some commands need it
 
     centre = source.mean(axis=1), target.mean(axis=1)
     (s_values, s_axes), (t_values, t_axes) = (_principal(p) for p in (source, target))
@@ -84,7 +86,7 @@ def carried_points(
     source_landmarks: Points | None = None,
     target_landmarks: Points | None = None,
 ) -> Points:
-    """Carry points of a generic bone (its attachments) to a person's, by their surfaces and, where given, landmarks."""
+    """Carry points (attachments) of a generic bone to a person's bone, by surfaces and, where given, landmarks."""
     surface = Surface.through(target)
     by_inertia = _stretched_by_inertia(source, target)
     affine = _laid_on(by_inertia(source), surface)
@@ -104,7 +106,7 @@ def carried_points(
 
 
 def _stretched_by_inertia(source: Points, target: Points) -> Callable[[Points], Points]:
-    """The similarity, with a scale of its own along each principal axis of the target: where the deformation starts."""
+    """Return the similarity with a separate scale along each principal axis of the target: the first part of step 2."""
     similarity = similarity_by_inertia(source, target)
     values, axes = _principal(target)
     spread = np.var(axes.T @ similarity.of(source), axis=1, ddof=1)
@@ -114,9 +116,10 @@ def _stretched_by_inertia(source: Points, target: Points) -> Callable[[Points], 
 
 
 def _laid_on(points: Points, surface: "Surface") -> Callable[[Points], Points]:
-    """Find the affine map x + M (x, 1) of least sum (n.(x + M (x, 1) - p))^2 / plane_sd^2 + n |M|^2 / stretch_sd^2.
+    """Find the affine map x + M (x, 1) of least sum (n.(x + M (x, 1) - p))^2 / plane_sd^2 + N |M|^2 / stretch_sd^2.
 
-    p, n: place and normal of the surface nearest to where x is now; lengths in sizes of the bone.
+    p and n are place and normal of the surface point nearest to the mapped x, N is the number of points. Lengths are in
+    units of the bone's size.
     """
     centre, size = points.mean(axis=1, keepdims=True), float(np.sqrt(points.var(axis=1).sum()))
 
@@ -149,29 +152,29 @@ def _right_handed(axes: np.ndarray) -> np.ndarray:
 
 
 def _spline(source: Points, target: Points, at: Points, smoothing: float) -> Points:
-    """The displacements of ``source`` to ``target``, smoothed, at other points."""
-    from scipy.interpolate import RBFInterpolator  # 0.2 s: not for every command
+    """Move the points ``at`` by the smoothed displacements from ``source`` to ``target``."""
+    from scipy.interpolate import RBFInterpolator  # takes 0.2 s, and only some commands need it
 
     spline = RBFInterpolator(source.T, (target - source).T, smoothing=smoothing, kernel="linear", degree=1)
     return at + spline(at.T).T
 
 
 _NEIGHBOURS = 10
-"""Points of a surface that its tangent plane at one of them is laid through."""
+"""Number of neighbouring surface points through which a tangent plane is fitted."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Points of a surface with the normals of its tangent planes."""
+    """Points of a surface, with the normals of the tangent planes there."""
 
     points: Points
     normals: Points
     tree: Any
-    """Of the points: scipy's KDTree."""
+    """KDTree of the points (scipy)."""
 
     @staticmethod
     def through(points: Points) -> "Surface":
-        """Lay a tangent plane through the neighbours of every point."""
+        """Build a surface from its points: a tangent plane at each point, fitted to the neighbours."""
         from scipy.spatial import KDTree
 
         tree = KDTree(points.T)
@@ -180,12 +183,12 @@ class Surface:
         return Surface(points, np.linalg.svd(centred, full_matrices=False)[2][:, 2].T, tree)
 
     def nearest(self, points: Points) -> tuple[Points, Points]:
-        """Find the nearest point of the surface to each, and its normal."""
+        """Find the nearest surface point to each point, and the normal there."""
         near = self.tree.query(points.T)[1]
         return self.points[:, near], self.normals[:, near]
 
     def onto(self, points: Points) -> Points:
-        """Project onto the tangent plane at the nearest point: v + n n.(p - v)."""
+        """Project each point v onto the tangent plane at the nearest surface point p: v + n n.(p - v)."""
         place, n = self.nearest(points)
         return points + n * ((place - points) * n).sum(axis=0)
 

@@ -1,4 +1,4 @@
-"""Attachments of one bone carried to another by their landmarks, or by their surfaces (thesis, Chapter 5)."""
+"""Attachments of one bone carried to another by the landmarks or the surfaces of both (thesis, Chapter 5)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from motions.landmarks.clusters.rigid_fit import FEWEST, fit_rigid
 Points = Float[np.ndarray, "3 points"]
 
 SPREAD_POINTS = 6000
-"""Drawn evenly over a surface: three times the nodes of the thesis's scapula, 1717 (Figure 5.3)."""
+"""Number of points drawn evenly over a surface: three times the 1717 nodes of the thesis's scapula (Figure 5.3)."""
 
 
 @dataclass(frozen=True)
 class Bone:
-    """What is known of a bone, in a frame of its own, mm."""
+    """Landmarks and surface of a bone, in a frame of its own, mm."""
 
     landmarks_mm: Mapping[str, Float[np.ndarray, "3"]] = field(default_factory=dict)
     mesh: Mesh | None = None
@@ -27,17 +27,17 @@ class Bone:
 
 @dataclass(frozen=True)
 class Carried:
-    """Attachments in the frame of the target, and what carried them."""
+    """Attachments in the frame of the target bone, and a description of the method that carried them."""
 
     points_mm: dict[str, Points]
     how: str
 
 
 def carry_attachments(attachments: Mapping[str, Points], source: Bone, target: Bone) -> Carried:
-    """Carry points of the source to the target, both right shoulders.
+    """Carry points of the source bone to the target bone, both of right shoulders.
 
-    By the surfaces where both bones have one, held at the landmarks that both have; else by the landmarks alone.
-    ValueError where neither carries them.
+    If both bones have a surface, the surfaces carry the points, held at the common landmarks; else the common landmarks
+    alone do. ValueError where neither surfaces nor landmarks suffice.
     """
     common, pairs = _in_common(source, target)
     every = np.concatenate(list(attachments.values()), axis=1)
@@ -56,10 +56,10 @@ def carry_attachments(attachments: Mapping[str, Points], source: Bone, target: B
 
 
 def lay_on_same_bone(attachments: Mapping[str, Points], source: Bone, target: Bone) -> Carried:
-    """Bring one measurement of a bone to another of the same bone, without scaling (Tables 4.6, 4.7, Appendix C).
+    """Move one measurement of a bone onto another of the same bone, without scaling (Tables 4.6, 4.7, Appendix C).
 
-    By the rigid motion of the landmarks that both have (least squares); of measurements without landmarks, which are in
-    one frame, as they are. ValueError for one or two landmarks, or for landmarks on a line.
+    The movement is the rigid motion of the common landmarks (least squares). Measurements without landmarks are in one
+    frame already and stay unchanged. ValueError for one or two common landmarks, or for landmarks on a line.
     """
     common, (one, other) = _in_common(source, target)
     if not (source.landmarks_mm or target.landmarks_mm):
@@ -72,7 +72,7 @@ def lay_on_same_bone(attachments: Mapping[str, Points], source: Bone, target: Bo
 
 
 def _in_common(source: Bone, target: Bone) -> tuple[list[str], list[Points]]:
-    """The names of the landmarks that both have, and their places."""
+    """Return the names of the common landmarks, and their places on both bones."""
     common = [name for name in source.landmarks_mm if name in target.landmarks_mm]
     return common, [
         np.array([bone.landmarks_mm[name] for name in common]).reshape(-1, 3).T for bone in (source, target)

@@ -1,7 +1,7 @@
-"""How far an attachment is from another of the same bone (thesis 4.3.8 and 5.3), and from the bone's surface.
+"""Distances of an attachment to another attachment of the same bone (thesis 4.3.8 and 5.3), and to the bone's surface.
 
-An attachment is a point, a line through its points in their order, or a plane whose contour goes through them and
-closes. Distances of a contour are to the nearest place of the other, between its points too.
+An attachment is a point, a line through its points in their order, or a plane with a closed contour through its points.
+A distance to a contour is the distance to its nearest place, which may lie between its points.
 """
 
 from typing import NamedTuple
@@ -16,11 +16,11 @@ Points = Float[np.ndarray, "3 points"]
 SHAPES = POINT, LINE, PLANE = ("point", "line", "plane")
 
 _FLATTEST = 1e-6
-"""Second singular value of points over the first, below which they lie on a line and give no plane."""
+"""Limit of the second singular value of points over the first, below which the points lie on a line."""
 
 
 class Spread(NamedTuple):
-    """Distances in mm: the smallest, the mean, their standard deviation (n - 1) and the largest."""
+    """Summary of distances in mm: smallest, mean, standard deviation (n - 1) and largest."""
 
     least_mm: float
     mean_mm: float
@@ -29,13 +29,13 @@ class Spread(NamedTuple):
 
 
 def spread_of(distances_mm: Float[np.ndarray, " points"]) -> Spread:
-    """Summarise distances; the SD of one is NaN."""
+    """Summarise distances; the SD of a single distance is NaN."""
     sd = float(np.std(distances_mm, ddof=1)) if len(distances_mm) > 1 else float("nan")
     return Spread(float(distances_mm.min()), float(distances_mm.mean()), sd, float(distances_mm.max()))
 
 
 def to_contour_mm(points: Points, contour: Points, shape: str) -> Float[np.ndarray, " points"]:
-    """Measure how far each point is from the contour; of a ``point``, from the nearest of its measurements."""
+    """Compute the distance of each point to a contour; for a ``point``, to the nearest of its measurements."""
     starts = contour
     if shape == POINT or contour.shape[1] == 1:
         ends = contour
@@ -47,15 +47,15 @@ def to_contour_mm(points: Points, contour: Points, shape: str) -> Float[np.ndarr
 
 
 def between_contours(one: Points, other: Points, shape: str) -> Spread:
-    """Compute the three distances of Table 5.3: of the points of either contour to the other."""
+    """Summarise the distances of the points of either contour to the other contour (Table 5.3)."""
     both = to_contour_mm(one, other, shape), to_contour_mm(other, one, shape)
     return spread_of(np.concatenate(both))
 
 
 def to_plane(points: Points, plane: Points) -> tuple[float, float]:
-    """Compute MDP of Table 4.6, mean and SD of the distances to the plane through the other's points (least squares).
+    """Compute MDP of Table 4.6: mean and SD of the distances of points to the least-squares plane through other points.
 
-    ValueError where these lie on a line.
+    ValueError where the points of the plane lie on a line.
     """
     middle = plane.mean(axis=1, keepdims=True)
     axes, sizes, _ = np.linalg.svd(plane - middle, full_matrices=False)
@@ -66,15 +66,15 @@ def to_plane(points: Points, plane: Points) -> tuple[float, float]:
 
 
 def between_means_mm(one: Points, other: Points) -> float:
-    """Compute DMP of Table 4.6: the distance of the mean points."""
+    """Compute DMP of Table 4.6: the distance between the two mean points."""
     return float(np.linalg.norm(one.mean(axis=1) - other.mean(axis=1)))
 
 
 def to_line(points: Points, line: Points) -> Spread:
-    """Compute MD, MinD and MaxD of Table 4.7: of the points to the line through the other's points in their order."""
+    """Compute MD, MinD and MaxD of Table 4.7: distances of points to the line through other points in their order."""
     return spread_of(to_contour_mm(points, line, LINE))
 
 
 def to_surface(points: Points, mesh: Mesh) -> Spread:
-    """Compute the distances of Appendix C: of an attachment's points to the surface of its bone."""
+    """Compute the distances of Appendix C, from an attachment's points to the surface of its bone."""
     return spread_of(mesh.distances_mm(points))

@@ -1,7 +1,8 @@
-"""The affine map that takes the landmarks of one bone to those of another: what landmarks alone say (Chapter 5).
+"""The affine map, from landmarks alone, that takes the landmarks of one bone to the landmarks of another (Chapter 5).
 
-Of least squares where the landmarks have a depth. Three, or any that lie nearly in a plane, fix it along the plane, and
-across it the scale is sqrt(det), as a bone of the same proportions grows (``models.person.attachments``).
+Landmarks that span three dimensions determine the map by least squares. Three landmarks, or landmarks that lie nearly
+in a plane, determine the map only along this plane. The scale across the plane is then sqrt(det), as if the bone grew
+with the same proportions (``models.person.attachments``).
 """
 
 from dataclasses import dataclass
@@ -12,28 +13,28 @@ from jaxtyping import Float
 Points = Float[np.ndarray, "3 points"]
 
 _DEPTH, _WIDTH = 0.1, 0.05
-"""Third and second singular value of the landmarks over the first: below these they lie in a plane, on a line. A place
-far off a plane would be carried by the noise of landmarks that are hardly off it."""
+"""Limits of the third and the second singular value of the landmarks over the first, below which the landmarks lie in a
+plane or on a line. If landmarks are hardly off a plane, only their noise would decide where a place far off it goes."""
 
 
 @dataclass(frozen=True)
 class LandmarkMap:
-    """target = M (source - origin) + goal."""
+    """Affine map: target = M (source - origin) + goal."""
 
     M: Float[np.ndarray, "3 3"]
     origin: Float[np.ndarray, "3"]
     goal: Float[np.ndarray, "3"]
     residual_mm: float
-    """Root mean square of what the landmarks themselves are off."""
+    """Root mean square distance between the mapped and the target landmarks."""
     in_a_plane: bool
 
     def of(self, points: Points) -> Points:
-        """Carry points."""
+        """Map points of the source bone to the target bone."""
         return self.M @ (points - self.origin[:, None]) + self.goal[:, None]
 
 
 def landmark_map(source: Points, target: Points) -> LandmarkMap:
-    """Find the map of landmarks in the same order. ValueError for fewer than three, or on a line."""
+    """Compute the map between landmarks in the same order. ValueError for fewer than three, or if all are on a line."""
     if source.shape[1] < 3:
         raise ValueError(f"{source.shape[1]} landmarks on both bones, and a map needs three")
     origin, goal = source.mean(axis=1), target.mean(axis=1)
@@ -50,9 +51,9 @@ def landmark_map(source: Points, target: Points) -> LandmarkMap:
 
 
 def _of_plane(axes: np.ndarray, x: Points, y: Points) -> Float[np.ndarray, "3 3"]:
-    """The map in the plane of the two longest axes, and sqrt(area) across it; no reflection."""
+    """Compute the map M in the plane of the two longest axes, with scale sqrt(area) across it and no reflection."""
     u, v = axes[:, 0], axes[:, 1]
-    along = y @ np.linalg.pinv(np.stack([u, v]) @ x)  # (3, 2): where u and v go
+    along = y @ np.linalg.pinv(np.stack([u, v]) @ x)  # (3, 2): images of u and v
     normal = np.cross(along[:, 0], along[:, 1])
     area = float(np.linalg.norm(normal))
     across = normal / area * np.sqrt(area)

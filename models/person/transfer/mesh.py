@@ -1,4 +1,4 @@
-"""Triangles of a bone's surface: files (STL, PLY, VTP), points spread evenly over it, distances to it."""
+"""Triangulated surface of a bone: reading of files (STL, PLY, VTP), evenly spread points, distances to the surface."""
 
 import importlib.util
 import re
@@ -16,21 +16,22 @@ Points = Float[np.ndarray, "3 points"]
 ENDINGS = (".stl", ".ply", ".vtp")
 
 EXTENT_MM = (30.0, 700.0)
-"""Longest extent of a bone of the girdle or the arm, assumed: less is in centimetres or metres, more is no bone.
-A clavicle grows 8.4 mm a year from birth and has 149-161 mm at 18 (McGraw et al., J. Pediatr. Orthop. 29 (2009)
-937-943), a humerus of a man 307 +- 21 mm (``motions.checks.distances``)."""
+"""Limits of the longest extent of a bone of the girdle or the arm, assumed: a smaller extent is in centimetres or
+metres, a larger one is not a bone's. A clavicle grows 8.4 mm a year from birth and has 149-161 mm at 18 (McGraw et al.,
+J. Pediatr. Orthop. 29 (2009) 937-943), a humerus of a man 307 +- 21 mm (``motions.checks.distances``)."""
 
 _STL_HEADER, _STL_FACET = 84, 50
-"""Bytes of a binary STL before its facets, and of a facet."""
+"""Bytes of a binary STL before its facets, and bytes per facet."""
 
 _INFLATED = 1000
-"""Numbers that a byte of a compressed file may hold; a header that states more is not believed."""
+"""Maximum number of points or faces per byte of a compressed file; a header that states more is wrong."""
 
 _PATIENCE_S, _BYTES_A_SECOND = 60.0, 1e6
-"""How long vtk is waited for: it takes less than a second a MB after a start of half a second."""
+"""Time limit for vtk: a constant, plus the size of the file over this rate. After a start of 0.5 s, vtk takes less than
+1 s per MB."""
 
 _DENSE = 20_000
-"""Triangles times points that are looked at together: some 50 MB."""
+"""Number of pairs of triangle and point processed together: some 50 MB."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +40,10 @@ class Mesh:
 
     corners: Float[np.ndarray, "3 corners"]
     triangles: Int[np.ndarray, "triangles 3"]
-    """The corners of each, by number."""
+    """Indices of the corners of each triangle."""
 
     def spread(self, count: int, seed: int = 0) -> Points:
-        """Draw points evenly over the area."""
+        """Draw random points evenly over the surface."""
         A, B, C = (self.corners[:, self.triangles[:, k]] for k in range(3))
         area = np.linalg.norm(np.cross(B - A, C - A, axis=0), axis=0)
         rng = np.random.default_rng(seed)
@@ -51,7 +52,7 @@ class Mesh:
         return (1.0 - u) * A[:, which] + u * (1.0 - v) * B[:, which] + u * v * C[:, which]
 
     def distances_mm(self, points: Points) -> Float[np.ndarray, " points"]:
-        """Measure how far points are from the surface, whichever side they are on."""
+        """Compute the unsigned distances of points to the surface."""
         step = max(1, _DENSE // len(self.triangles))
         A, B, C = (self.corners[:, self.triangles[:, k]] for k in range(3))
         parts = [points[:, k : k + step] for k in range(0, points.shape[1], step)]
@@ -59,7 +60,7 @@ class Mesh:
 
 
 def _to_triangles(points: Points, A: Points, B: Points, C: Points) -> Float[np.ndarray, "points triangles"]:
-    """Distance of each point to each triangle: to its plane where it lies above the inside, else to an edge."""
+    """Compute the distance of each point to each triangle: to its plane if above its inside, else to an edge."""
     p = points[:, :, None]
     normal = np.cross(B - A, C - A, axis=0)
     length = np.linalg.norm(normal, axis=0)
@@ -76,7 +77,7 @@ def _to_triangles(points: Points, A: Points, B: Points, C: Points) -> Float[np.n
 
 
 def to_segments(points: Points, starts: Points, ends: Points) -> Float[np.ndarray, "points segments"]:
-    """Measure the distance of each point to each segment; one of no length is a point."""
+    """Compute the distance of each point to each segment; a segment of length 0 counts as a point."""
     along = ends - starts
     square = (along**2).sum(axis=0)
     from_start = points[:, :, None] - starts[:, None]
@@ -86,10 +87,10 @@ def to_segments(points: Points, starts: Points, ends: Points) -> Float[np.ndarra
 
 
 def read_mesh(path: Path, unit_mm: float = 1.0) -> Mesh:
-    """Read a surface of triangles; faces of more corners are split, equal corners made one.
+    """Read a surface of triangles; faces with more corners are split, equal corners merged.
 
-    ``unit_mm``: millimetres in a unit of the file, which does not say it. InputError where the file cannot be read,
-    holds no triangle, or is of a size that no bone has. Needs vtk, the extra `surface`.
+    ``unit_mm``: millimetres per unit of the file, because the file does not state its unit. InputError where the file
+    cannot be read, holds no triangle, or has a size that no bone has. Needs vtk, the extra ``surface``.
     """
     kind = path.suffix.lower()
     if kind not in ENDINGS:
@@ -109,7 +110,7 @@ def read_mesh(path: Path, unit_mm: float = 1.0) -> Mesh:
 
 
 def _check_head(path: Path, kind: str, content: bytes) -> None:
-    """InputError where the beginning is not that of the kind, or states more than the file can hold."""
+    """Raise InputError where the header is not of this kind of file, or states more than the file can hold."""
     wrong = ""
     if kind == ".stl":
         count = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
@@ -132,9 +133,9 @@ def _beyond(content: bytes, pattern: bytes, times: int) -> str:
 
 
 def _by_vtk(path: Path, size: int) -> dict[str, np.ndarray]:
-    """What ``mesh_child`` says, which reads the file in a process of its own.
+    """Read a surface by ``mesh_child``, in a process of its own.
 
-    Found by fuzzing: vtk frees memory twice on a PLY file with wrong words in its header.
+    Fuzzing found a PLY file, with wrong words in its header, on which vtk frees memory twice.
     """
     if importlib.util.find_spec("vtkmodules") is None:
         cause = "surfaces need vtk, which is not installed"

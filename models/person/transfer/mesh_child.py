@@ -1,7 +1,7 @@
-"""What vtk reads from a surface, for ``mesh`` beside it: run as a program of its own, as vtk can crash.
+"""Program that reads a surface by vtk for the module ``mesh``, in a process of its own because vtk can crash.
 
-Writes to stdout, as a numpy archive: corners (corners, 3) and triangles (triangles, 3). Ends by itself after the given
-seconds.
+Arguments: path, and time limit in seconds after which the program ends itself. It writes a numpy archive to stdout,
+with corners (corners, 3) and triangles (triangles, 3).
 """
 
 import faulthandler
@@ -29,7 +29,7 @@ def _main(path: str) -> None:
     split.PassLinesOff()
     split.PassVertsOff()
     clean.SetInputConnection(split.GetOutputPort())
-    vtkObject.GlobalWarningDisplayOff()  # its words are for programmers
+    vtkObject.GlobalWarningDisplayOff()  # vtk's warnings are for programmers
     clean.Update()
     if said:
         sys.exit(said[0])

@@ -1,1 +1,1 @@
-"""Positions of markers as the programs of laboratories write them."""
+"""Positions of markers as programs of laboratories write them."""

@@ -1,4 +1,4 @@
-"""Any file of positions of markers: its kind is known by its ending, that of a table by its header."""
+"""Reading of any file of marker positions; its extension, and a table's header, tell its kind."""
 
 from pathlib import Path
 
@@ -24,9 +24,9 @@ _TABLES = (
 
 
 def read_markers(path: Path) -> Markers | None:
-    """Read a file of positions of any kind; None where it is of another kind, a motion file included.
+    """Read a file of positions of any kind; None for a file of another kind, such as a motion file.
 
-    InputError if it is broken, or a table of text (.tsv, .txt) without positions.
+    Raise InputError if the file is broken, or is a table of text (.tsv, .txt) without positions.
     """
     kind = path.suffix.lower()
     if kind in _OF_ONE_KIND:
@@ -49,7 +49,7 @@ def read_markers(path: Path) -> Markers | None:
 
 
 def _check_ending(head: ExportTable) -> None:
-    """InputError where a file of another kind was given the ending of a table."""
+    """Raise InputError if a file of another kind has the extension of a table."""
     words = head.first_words()
     found = ".trc" if "pathfiletype" in words[:1] else ".mot or .sto" if "endheader" in words else None
     if found is not None:

@@ -11,19 +11,19 @@ from motions.formats.gaps import zeros_as_gaps
 from motions.landmarks.markers import Markers
 
 _BLOCK = 512
-"""Bytes; parts of the file start at whole blocks."""
+"""Size of a block in bytes; parts of the file start at whole blocks."""
 
 _PATIENCE_S, _BYTES_A_SECOND = 15.0, 1e6
-"""How long ezc3d is waited for: it takes 0.1 s a MB after a start of 0.3 s."""
+"""Time limit for ezc3d: seconds, and bytes per further second. ezc3d takes 0.1 s per MB after a start of 0.3 s."""
 
 _MANY_FRAMES = 65535
-"""The header's counts have 16 bits: a longer trial has its length in the parameters alone."""
+"""Maximum number of a frame in the header, which has 16 bits: only the parameters have the length of a longer trial."""
 
 
 def read_c3d(path: Path) -> Markers:
     """Read all markers of a .c3d file; a marker with a negative residual or at exactly (0, 0, 0) has a gap.
 
-    InputError if the file is none, or if it has fewer frames than it says.
+    Raise InputError if the file is no .c3d file, or if it has fewer frames than it says.
     """
     file = str(path)
     frames_said = _check_header(path)
@@ -45,9 +45,9 @@ def read_c3d(path: Path) -> Markers:
 
 
 def _by_ezc3d(path: Path) -> dict[str, np.ndarray]:
-    """What ``c3d_child`` says, which reads the file in a process of its own.
+    """Return the output of ``c3d_child``, which reads the file in a process of its own.
 
-    Found by fuzzing: of files with a few wrong bytes, ezc3d reads some for ever and crashes on others.
+    Fuzzing showed that ezc3d never ends on some files with a few wrong bytes, and crashes on others.
     """
     patience_s = _PATIENCE_S + path.stat().st_size / _BYTES_A_SECOND
     remedy = "Export it again as .c3d from the capture software"
@@ -55,9 +55,10 @@ def _by_ezc3d(path: Path) -> dict[str, np.ndarray]:
 
 
 def _check_header(path: Path) -> int:
-    """The header's number of frames (0 where it cannot say). InputError if the file is none or ends before its data.
+    """Return the number of frames in the header, 0 if the trial is too long for it.
 
-    ezc3d reads on for ever in a file that ends within its parameters.
+    Raise InputError if the file is of another kind or ends before its data. ezc3d never ends on a file that breaks off
+    within its parameters.
     """
     try:
         size = path.stat().st_size
@@ -67,7 +68,8 @@ def _check_header(path: Path) -> int:
         raise unreadable(path, error) from error
     if len(header) < _BLOCK or header[1] != 0x50:
         raise InputError(str(path), None, "this is not a .c3d file", "Export it again as .c3d")
-    # Intel and DEC processors write little-endian words, SGI big-endian: the size decides, no file has 256 x too many.
+    # Intel and DEC processors write little-endian words, SGI big-endian. The smaller of the two readings of the first
+    # data block's number is right: no file has 256 times as many blocks.
     order = "<" if struct.unpack("<H", header[16:18])[0] <= struct.unpack(">H", header[16:18])[0] else ">"
     first, last = struct.unpack(f"{order}2H", header[6:10])
     (data_block,) = struct.unpack(f"{order}H", header[16:18])

@@ -1,7 +1,8 @@
-"""What ezc3d reads from a .c3d file, for ``c3d`` beside it: run as a program of its own, as ezc3d can crash.
+"""Program that reads a .c3d file with ezc3d for ``c3d``, in a process of its own because ezc3d can crash.
 
-Writes to stdout, as a numpy archive: points (4, markers, frames), labels, frames said, unit and rate ("" and 0 if not
-said). Ends by itself after the given seconds, as ezc3d may read for ever and whoever waits for it may be killed.
+It writes a numpy archive to stdout: points (4, markers, frames), labels, the number of frames that the file says, unit
+and rate ("" and 0 if not said). It ends by itself after the given seconds, because ezc3d may never end and the waiting
+parent process may be killed.
 """
 
 import faulthandler
@@ -12,7 +13,7 @@ import numpy as np
 
 
 def _labels(point) -> list[str]:
-    """LABELS, LABELS2, ...: 255 names fit into one parameter."""
+    """Return the names in LABELS, LABELS2, ...: one parameter holds 255 names."""
     parts = [key for key in point if key.startswith("LABELS")]
     return [name.strip() for key in sorted(parts, key=len) for name in point[key]["value"]]
 

@@ -1,4 +1,4 @@
-"""A table of marker positions as capture software exports it, whatever its header: what all of them share."""
+"""Table of marker positions as capture software exports it: the parts that all kinds of headers share."""
 
 import re
 from collections.abc import Sequence
@@ -23,48 +23,48 @@ from motions.formats.text import (
 from motions.landmarks.markers import Markers
 
 ENDINGS = (".csv", ".tsv", ".txt")
-"""Of the files that may hold such a table."""
+"""Extensions of the files that may hold such a table."""
 
 EXPORT = "Export it again as CSV, TSV, .c3d or .trc"
 
 _SAYS_SEPARATOR = re.compile(r'\ufeff?"?sep=(.)"?', re.IGNORECASE)
-"""The first line by which a spreadsheet says what separates the cells."""
+"""First line in which a spreadsheet names the separator."""
 
 _HEAD_BYTES, _HEAD_LINES = 2**18, 40
-"""What is looked at to tell the kinds of tables apart: a header has fewer lines, of a few hundred names each."""
+"""Bytes and lines read to tell the kinds of tables apart: a header has fewer lines, of a few hundred names each."""
 
 
 class ExportTable(NamedTuple):
-    """The lines of a file of text, blank ones included."""
+    """Lines of a text file, blank ones included."""
 
     file: str
     lines: list[Line]
 
     def columns(self) -> list[str]:
-        """Give the cells of the first line that is not blank, nor says what separates them."""
+        """Return the cells of the first line that is not blank and does not name the separator."""
         return next((line.cells for line in self.lines if any(line.cells)), [])
 
     def first_words(self) -> list[str]:
-        """Give the first cell of every line, without case."""
+        """Return the first cell of every line, without case."""
         return [line.cells[0].casefold() if line.cells else "" for line in self.lines]
 
 
 class Block(NamedTuple):
-    """A marker and the columns of its x, y and z."""
+    """Marker, and the columns of its x, y and z."""
 
     name: str
     columns: tuple[int, int, int]
 
 
 def read_head(path: Path) -> ExportTable:
-    """Read the first lines of a text file, to tell which kind of table it is. InputError if it cannot be read."""
+    """Read the first lines of a text file, which tell the kind of table. Raise InputError if it cannot be read."""
     text, separator = _separated(decoded(read_bytes(path, _HEAD_BYTES)))
     lines = plain_lines(text)[:_HEAD_LINES]
     return ExportTable(str(path), [Line(k, _cells(line, separator)) for k, line in enumerate(lines, 1)])
 
 
 def read_export_table(path: Path) -> ExportTable:
-    """Read all lines of a text file as cells. InputError if it is none."""
+    """Read all lines of a text file as cells. Raise InputError if the file is no text."""
     text, separator = _separated(read_export(path, EXPORT))
     return ExportTable(str(path), split_lines(text, separator, str(path)))
 
@@ -77,9 +77,9 @@ def markers_of(
     unit: str | None,
     rate_hz: float | None,
 ) -> Markers:
-    """Read the positions under the columns of the blocks; width: the cells of the header.
+    """Read the positions in the columns of the blocks; ``width`` is the number of cells of the header.
 
-    InputError where there are no rows, a line has more or fewer cells, or a cell is no number.
+    Raise InputError if there are no rows, a line has more or fewer cells, or a cell is no number.
     """
     if not data:
         raise InputError(table.file, None, "there are no rows under the header", EXPORT)
@@ -93,14 +93,17 @@ def markers_of(
 
 
 def number_or_none(text: str) -> float | None:
-    """Read the number that a header says, such as a rate; None where it says none."""
+    """Read the number that a header says, such as a rate; None if it says none."""
     match = re.match(r"\d+(?:[.,]\d+)?", text)
     return float(match[0].replace(",", ".")) if match and len(match[0]) < 20 else None
 
 
 def _separated(text: str) -> tuple[str, str]:
-    """The text, and what separates its cells: what its first line says, or of the line with the most of it, as a title
-    has none. Where nothing but blanks does, tabs take their place."""
+    """Return the text and its separator.
+
+    The first line may name the separator. Else it is the separator of the line with most separators, because a title
+    has none. If only blanks separate the cells, they are replaced by tabs.
+    """
     lines = plain_lines(text)[:_HEAD_LINES]
     if said := _SAYS_SEPARATOR.fullmatch(lines[0].rstrip(",;\t ")):
         return text[len(lines[0]) :], said[1]

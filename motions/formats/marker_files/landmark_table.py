@@ -1,9 +1,9 @@
-"""Positions of landmarks under one header: columns IJ_x_mm, IJ_y_mm, ... or the like, one row a posture or frame.
+"""Positions of landmarks under one header: columns IJ_x_mm, IJ_y_mm, ... or similar, one row per posture or frame.
 
-The separator may be a comma, a semicolon, a tab or blanks. A column is a marker, x, y or z in either case, and the unit
-where the file says it: ``IJ_x_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ x / mm``, ``IJ_mm_x``, ``IJ_x``, ``IJX``,
-``X_IJ``. Without letters, ``IJ_1``, ``IJ_2`` and ``IJ_3`` are x, y and z, as MATLAB writes the columns of a matrix.
-Titles may stand above, a line of units below.
+Commas, semicolons, tabs or blanks separate the cells. A column has a marker, x, y or z in either case, and the unit if
+the file says it: ``IJ_x_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ x / mm``, ``IJ_mm_x``, ``IJ_x``, ``IJX``, ``X_IJ``.
+Without letters, ``IJ_1``, ``IJ_2`` and ``IJ_3`` are x, y and z, as MATLAB writes the columns of a matrix. Titles may
+stand above the header, a line of units below it.
 """
 
 import re
@@ -18,7 +18,7 @@ from motions.landmarks.mapping import MARKERS, UNIT_WORDS, UNITS_MM
 from motions.landmarks.markers import Markers
 
 ROW_COLUMNS = ("subject", "motion", "posture", "side")
-"""What a file may say of each row."""
+"""Columns with information about a row."""
 
 _UNIT = r"(?:[\s_./]*(?:in\s+)?[\[(]?(?P<unit>" + "|".join((*UNITS_MM, *UNIT_WORDS)) + r")[\])]?)?"
 _OURS = "|".join(MARKERS)
@@ -31,33 +31,34 @@ _FORMS = tuple(
         rf"(?P<axis>[xyz])[\s_.:(-]*(?P<name>{_OURS})\)?{_UNIT}",
     )
 )
-"""Of a column: the last two of landmarks called as here, with nothing between, or with the axis before."""
+"""Forms of a column's name. The last two, with nothing between name and axis, and with the axis first, are only for
+landmarks with their names here."""
 
 _NUMBERED = re.compile(r"(?P<name>.*[^\s_])_(?P<axis>[123])(?P<unit>)")
 _AXES = {"1": "x", "2": "y", "3": "z"}
 
 _FEWEST_NUMBERED = 4
-"""Markers with three numbers that make a table one of positions: those of the thorax."""
+"""Minimum number of markers with three numbered columns in a table of positions: the markers of the thorax."""
 
 _BONES = ("clavicle", "scapula", "humerus")
-"""Their x, y and z are angles (``clavicle_y``), whatever unit is left out."""
+"""Bones whose x, y and z are angles (``clavicle_y``), even if the unit is left out."""
 
 
 def holds_positions(columns: Iterable[str]) -> bool:
-    """Tell whether a table with these columns is one of positions: a motion file has the clavicle's angles too."""
+    """Check whether a table with these columns holds positions and, unlike a motion file, no angles of the clavicle."""
     columns = list(columns)
     return "clavicle_y_deg" not in columns and len(_coordinates(columns)) > 1  # a title may end in x, y or z
 
 
 def has_header(head: ExportTable) -> bool:
-    """Tell whether a line of the head is the header of positions, titles above it or not."""
+    """Check whether a line of the head is the header of positions, with or without titles above it."""
     return any(holds_positions(line.cells) for line in head.lines)
 
 
 def read_landmark_table(path: Path) -> Markers:
     """Read all markers of the file; an empty cell or nan is a gap.
 
-    InputError if a marker has only some of its coordinates, columns stand there twice or units differ.
+    Raise InputError if a marker has only some of its coordinates, a column appears twice or units differ.
     """
     table = read_export_table(path)
     place, header = next((k, line) for k, line in enumerate(table.lines) if holds_positions(line.cells))
@@ -74,7 +75,7 @@ def read_landmark_table(path: Path) -> Markers:
 
 
 def _coordinates(columns: Sequence[str]) -> dict[str, re.Match[str]]:
-    """The columns that are coordinates; those with numbers only where none has a letter."""
+    """Return the columns that are coordinates; numbered ones only if no column has a letter for the axis."""
     found = {column: match for column in columns if (match := _coordinate(column))}
     if found:
         return found
@@ -100,7 +101,7 @@ def _check_names(file: str, line: int, columns: list[str]) -> None:
 
 
 def _unit(file: str, line: int, found: Iterable[re.Match[str]]) -> str | None:
-    """The unit of all columns; None where none says it."""
+    """Return the unit of all columns; None if none says it. Raise InputError if units differ."""
     units = list(dict.fromkeys((match["unit"] or "").lower() for match in found))
     if len(units) != 1:
         cause = f"positions are in {' and in '.join(unit or 'no unit' for unit in units)}"
@@ -111,7 +112,7 @@ def _unit(file: str, line: int, found: Iterable[re.Match[str]]) -> str | None:
 
 
 def _unit_below(line: Line, blocks: list[Block]) -> str | None:
-    """The unit in the line under the header, where it is one of units; None where it is one of numbers."""
+    """Return the unit in the line under the header if it is a line of units; None if it is a row of numbers."""
     words = {line.cells[k].strip("[]()").lower() for block in blocks for k in block.columns if k < len(line.cells)}
     (word,) = words if len(words) == 1 else ("",)
     return word if word in (*UNITS_MM, *UNIT_WORDS) else None
@@ -131,6 +132,6 @@ def _block(table: ExportTable, line: int, columns: list[str], name: str, found: 
 
 
 def _rows(columns: list[str], data: Sequence[list[str]]) -> dict[str, list[str]]:
-    """What the file says of each row, under the names that it has here."""
+    """Return the information about each row, by the names in ``ROW_COLUMNS``."""
     places = {column.casefold(): k for k, column in reversed(list(enumerate(columns)))}
     return {key: [cells[places[key]] for cells in data] for key in ROW_COLUMNS if key in places}

@@ -1,8 +1,8 @@
 """Markers in a CSV file of Motive (OptiTrack; docs.optitrack.com, Data Export: CSV).
 
-The first line holds keys and values (``Format Version``, ``Length Units``, ``Export Frame Rate``). Over the row
-``Frame, Time (Seconds), X, Y, Z`` stand rows with the type of what a column is of, its name, and Position or Rotation.
-Columns of type Marker alone are measured: those of rigid bodies and bones are where the program expects a marker.
+The first line holds keys and values (``Format Version``, ``Length Units``, ``Export Frame Rate``). Above the row
+``Frame, Time (Seconds), X, Y, Z`` stand rows with the type of each column's object, its name, and Position or Rotation.
+Only columns of type Marker are measured: rigid bodies and bones have the places where the program expects a marker.
 """
 
 from pathlib import Path
@@ -15,19 +15,19 @@ from motions.landmarks.markers import Markers
 _FIRST = "format version"
 _MARKER, _TYPES = "marker", ("marker", "rigid body", "bone", "rigid body marker", "bone marker", "asset marker")
 _WITHOUT_NAME = "unlabeled"
-"""How the program calls a marker that nobody named."""
+"""Beginning of the name of a marker that nobody named."""
 
 _UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
 _EXPORT = "Export it again from Motive with the header and with Markers switched on"
 
 
 def is_motive(head: ExportTable) -> bool:
-    """Tell whether a file begins as an export of Motive."""
+    """Check whether a file begins as an export of Motive."""
     return head.first_words()[:1] == [_FIRST]
 
 
 def read_motive(path: Path) -> Markers:
-    """Read the markers, their names, unit and rate. InputError if there are none or the header is broken."""
+    """Read the markers, their names, unit and rate. Raise InputError if there are none or the header is broken."""
     table = read_export_table(path)
     said = _said(table.lines[0])
     axes = next((k for k, line in enumerate(table.lines) if _is_axes(line)), None)
@@ -47,7 +47,7 @@ def read_motive(path: Path) -> Markers:
 
 
 def _said(line: Line) -> dict[str, str]:
-    """The first line's values by their keys."""
+    """Return the values in the first line by their keys."""
     return {key.casefold(): value for key, value in zip(line.cells[::2], line.cells[1::2], strict=False)}
 
 
@@ -56,12 +56,12 @@ def _is_axes(line: Line) -> bool:
 
 
 def _type_cells(line: Line) -> list[str]:
-    """The types of the columns, if this row has them."""
+    """Return the types of the columns, if this row has them."""
     return [cell for cell in line.cells[2:] if cell.casefold() in _TYPES]
 
 
 def _blocks(table: ExportTable, types: Line, names: Line, kinds: Line, axes: Line) -> list[Block]:
-    """A marker for each X, Y, Z of type Marker and kind Position."""
+    """Make a block for each X, Y, Z of type Marker and kind Position."""
 
     def is_position(k: int, axis: str) -> bool:
         cells = [line.cells[k].casefold() if k < len(line.cells) else "" for line in (types, kinds, axes)]

@@ -1,8 +1,8 @@
 """Trajectories in a TSV file of Qualisys Track Manager (docs.qualisys.com, Motion data (.tsv)).
 
-Lines of a word and its value (``NO_OF_FRAMES``, ``NO_OF_MARKERS``, ``FREQUENCY``, ``DATA_INCLUDED``), ``MARKER_NAMES``
-with the names, perhaps ``TRAJECTORY_TYPES`` and names of the columns, then x, y and z of each marker in mm, perhaps
-behind the number and the time of the frame.
+The file has lines of a key and its value (``NO_OF_FRAMES``, ``NO_OF_MARKERS``, ``FREQUENCY``, ``DATA_INCLUDED``),
+``MARKER_NAMES`` with the names, optionally ``TRAJECTORY_TYPES`` and names of the columns, then x, y and z of each
+marker in mm, optionally after number and time of the frame.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from motions.formats.text import Line
 from motions.landmarks.markers import Markers
 
 UNIT = "mm"
-"""What the program writes; the file does not say it."""
+"""Unit that the program writes; the file does not say it."""
 
 _NAMES, _INCLUDED = "marker_names", "data_included"
 _KEYS = (
@@ -31,14 +31,15 @@ _EXPORT = "Export it again from QTM as TSV, with 3D data and the header, or as .
 
 
 def is_qualisys(head: ExportTable) -> bool:
-    """Tell whether a file begins as an export of Qualisys."""
+    """Check whether a file begins as an export of Qualisys."""
     return head.first_words()[:1] != [] and head.first_words()[0] in _KEYS
 
 
 def read_qualisys(path: Path) -> Markers:
-    """Read the trajectories, their names and rate; InputWarning where there are fewer or more frames than it says.
+    """Read the trajectories, their names and rate.
 
-    InputError if the file holds other data than 3D, or if its header is broken.
+    Raise InputError if the file holds other data than 3D, or if its header is broken. Issue an InputWarning if the
+    header says another number of frames.
     """
     table = read_export_table(path)
     words = table.first_words()
@@ -61,7 +62,7 @@ def read_qualisys(path: Path) -> Markers:
 
 
 def _names(table: ExportTable, row: int, said: dict[str, list[str]]) -> list[str]:
-    """The names of the markers. InputError where they are not as many as the header says."""
+    """Return the names of the markers. Raise InputError if the header says another number."""
     names = list(table.lines[row].cells[1:])
     while names and not names[-1]:
         names.pop()
@@ -73,13 +74,13 @@ def _names(table: ExportTable, row: int, said: dict[str, list[str]]) -> list[str
 
 
 def _frames(lines: Sequence[Line], width: int) -> list[Line]:
-    """The lines with something in them, and those between them with nothing but separators: nothing was seen there."""
+    """Return the lines with content, and lines of separators alone between them, in which no marker was seen."""
     known = [k for k, line in enumerate(lines) if any(line.cells)]
     return [line for line in lines[: max(known, default=-1) + 1] if any(line.cells) or len(line.cells) >= width]
 
 
 def _is_data(line: Line) -> bool:
-    """Tell a row of numbers from TRAJECTORY_TYPES, and from the names of the columns."""
+    """Check whether this is a row of numbers, and not TRAJECTORY_TYPES or the names of the columns."""
     word = line.cells[0].casefold()
     return word not in ("trajectory_types", "frame") and not any(
         cell.endswith((" X", " Y", " Z")) for cell in line.cells
@@ -87,7 +88,7 @@ def _is_data(line: Line) -> bool:
 
 
 def _lead(table: ExportTable, data: list[Line], markers: int) -> int:
-    """How many columns stand before the positions: none, or the frame's number and time."""
+    """Count the columns before the positions: none, or the frame's number and time."""
     if not data:
         return 0
     cells = data[0].cells

@@ -1,7 +1,7 @@
 """Marker positions in a .trc file (Motion Analysis, OpenSim): five lines of header, then columns.
 
-Not read with trc-data-reader: its 0.4.1 splits lines at any white space, so that an empty cell, which is how a .trc
-writes a gap, shifts all markers to its right by one place without a word.
+The package trc-data-reader is not used: its version 0.4.1 splits lines at any white space, so that an empty cell, with
+which a .trc writes a gap, silently shifts all markers to its right by one place.
 """
 
 import re
@@ -18,20 +18,21 @@ from motions.landmarks.markers import Markers
 
 _EXPORT = "Export the trial again as .trc"
 _HEADER_LINES = 4
-"""The path, keys, their values, the names of the markers; below X1 Y1 Z1 ... come the data. Blank lines are none."""
+"""Number of header lines: path, keys, values, names of the markers. Below X1 Y1 Z1 ... come the data. Blank lines are
+not counted."""
 
 _AXIS = re.compile(r"[XYZ]\d*", re.IGNORECASE)
 
 _SEPARATORS = ("\t", ";", ",")
-"""Of cells, the surest first; where a line has none of them, blanks separate them."""
+"""Separators of cells, the surest first; blanks separate the cells of a line without any of them."""
 
 
 def read_trc(path: Path) -> Markers:
     """Read all markers of a .trc file; an empty cell, nan or a marker at exactly (0, 0, 0) is a gap.
 
-    Tabs, semicolons, commas or blanks separate its cells. InputError if the file is none, has not the markers that its
-    header says, or ends within a line. InputWarning if it has not the frames that its header says: programs that crop a
-    trial often leave that number as it was.
+    Tabs, semicolons, commas or blanks separate the cells. Raise InputError if the file is no .trc file, does not have
+    the markers that its header says, or ends within a line. Issue an InputWarning if it does not have the frames that
+    its header says: programs that crop a trial often leave that number unchanged.
     """
     file = str(path)
     text = read_export(path, _EXPORT)
@@ -60,8 +61,7 @@ def read_trc(path: Path) -> Markers:
 
 
 def _cells(line: str) -> list[str]:
-    """The cells of a line: between tabs, semicolons or commas an empty one keeps its place, between blanks there is
-    none."""
+    """Split a line into cells; tabs, semicolons and commas may enclose an empty cell, which blanks cannot."""
     separator = next((one for one in _SEPARATORS if one in line), None)
     if separator == "," and len(line.split()) > 1 and not any(_has_separators(word) for word in line.split()):
         separator = None
@@ -69,13 +69,15 @@ def _cells(line: str) -> list[str]:
 
 
 def _has_separators(word: str) -> bool:
-    """Tell whether commas in a word separate cells: a number has one at most, inside."""
+    """Check whether commas in a word separate cells: a number has at most one, inside."""
     return word.count(",") > 1 or word.startswith(",") or word.endswith(",")
 
 
 def _marker_names(names: Line, said: int, file: str) -> list[str]:
-    """The names over the X columns: Frame#, Time, IJ, '', '', PX, '', '', ...; or one after the other, if they are as
-    many as the header says."""
+    """Return the names over the X columns (Frame#, Time, IJ, '', '', PX, '', '', ...), or side by side.
+
+    Raise InputError if they do not stand over every third column, and are not as many as the header says.
+    """
     row = names.cells[2:]
     while row and not row[-1]:
         row.pop()
@@ -89,7 +91,7 @@ def _marker_names(names: Line, said: int, file: str) -> list[str]:
 
 
 def _table(rows: list[Line], columns: int, file: str) -> Float[np.ndarray, "frames columns"]:
-    """The data as numbers; an empty cell between two tabs keeps its place."""
+    """Read the data as numbers; an empty cell between two tabs keeps its place."""
     if not rows:
         raise InputError(file, None, "there are no frames under the header", _EXPORT)
     for number, cells in rows:
@@ -105,7 +107,7 @@ def _table(rows: list[Line], columns: int, file: str) -> Float[np.ndarray, "fram
 
 
 def _said(header: dict[str, str], key: str, file: str) -> int:
-    """The count that the header says; some programs write it with decimals."""
+    """Read a count from the header; some programs write it with decimals."""
     said = re.fullmatch(r"(\d{1,9})(?:[.,]0*)?", header.get(key, ""))
     if said is None:
         raise InputError(file, 3, f"the header does not say {key}", _EXPORT)

@@ -1,9 +1,9 @@
 """Trajectories in a table of Vicon (Nexus, Tracker: File > Export ASCII), or with its two header rows.
 
-A line ``Trajectories``, one with the rate, names of markers over every third column, ``Frame, Sub Frame, X, Y, Z``,
-their units, and a row for each frame up to a blank line. Other sections (``Devices``, ``Model Outputs``) may stand
-before and after it, and velocities (``X'``) beside the positions. Without the first two lines it is read as well, and
-so are two rows of names and of x, y, z as pandas writes them.
+The section has a line ``Trajectories``, one with the rate, names of markers over every third column,
+``Frame, Sub Frame, X, Y, Z``, their units, and one row per frame up to a blank line. Other sections (``Devices``,
+``Model Outputs``) may stand before and after it, and velocities (``X'``) beside the positions. A table without the
+first two lines is read as well, and so are two rows of names and of x, y, z as pandas writes them.
 """
 
 from pathlib import Path
@@ -18,23 +18,23 @@ _OTHER_SECTIONS = ("devices", "joints", "segments", "model outputs", "events", "
 _FRAME = ("frame", "field #", "field")
 
 _MOST_LEADING = 3
-"""Columns before the first marker: numbers of the frame, its time."""
+"""Maximum number of columns before the first marker: numbers of the frame, and its time."""
 
 _FEWEST = 4
-"""Markers: those of the thorax."""
+"""Minimum number of markers under a row without a column of frames: the markers of the thorax."""
 
 _EXPORT = "Export it again from Nexus as ASCII, with Trajectories switched on, or as .c3d"
 
 
 def is_vicon(head: ExportTable) -> bool:
-    """Tell whether a file begins as an export of Vicon, or has its two header rows."""
+    """Check whether a file begins as an export of Vicon, or has its two header rows."""
     words = head.first_words()
     begins = next((word for word in words if word), "")
     return begins in (SECTION, *_OTHER_SECTIONS) or any(_is_axes(line) for line in head.lines[1:])
 
 
 def read_vicon(path: Path) -> Markers:
-    """Read the trajectories, their names, unit and rate. InputError if there are none or the header is broken."""
+    """Read the trajectories, their names, unit and rate. Raise InputError if there are none or the header is broken."""
     table = read_export_table(path)
     words = table.first_words()
     start = words.index(SECTION) if SECTION in words else 0
@@ -51,7 +51,7 @@ def read_vicon(path: Path) -> Markers:
 
 
 def _is_axes(line: Line) -> bool:
-    """Tell whether this is the row Frame, Sub Frame, X, Y, Z, ..., or one of nothing but X, Y, Z, ..."""
+    """Check whether this is the row Frame, Sub Frame, X, Y, Z, ..., or a row of nothing but X, Y, Z, ..."""
     cells = [cell.casefold() for cell in line.cells]
     lead = next((k for k in range(_MOST_LEADING + 1) if cells[k : k + 3] == ["x", "y", "z"]), None)
     if lead is None:
@@ -61,7 +61,7 @@ def _is_axes(line: Line) -> bool:
 
 
 def _blocks(file: str, names: Line, axes: Line) -> list[Block]:
-    """A marker for each name, with the first X, Y and Z under it; X', Y' and Z' are velocities."""
+    """Make a block for each name, with the first X, Y and Z under it; X', Y' and Z' are velocities."""
     lead = [cell.casefold() for cell in axes.cells].index("x")
     before = [*names.cells[:1], *names.cells]
     starts = [k for k, name in enumerate(names.cells) if name and k >= lead and (k == lead or name != before[k])]
@@ -82,7 +82,7 @@ def _block(file: str, axes: Line, name: str, start: int, end: int) -> Block:
 
 
 def _unit(table: ExportTable, row: int, blocks: list[Block]) -> str | None:
-    """The unit of the positions; None where the row is one of numbers already."""
+    """Return the unit of the positions; None if the row already holds numbers."""
     cells = table.lines[row].cells if row < len(table.lines) else []
     if cells and cells[0]:  # the number of a frame
         return None
@@ -94,6 +94,6 @@ def _unit(table: ExportTable, row: int, blocks: list[Block]) -> str | None:
 
 
 def _data(table: ExportTable, start: int) -> list[Line]:
-    """The rows up to a blank line."""
+    """Return the rows up to a blank line."""
     end = next((k for k in range(start, len(table.lines)) if not any(table.lines[k].cells)), len(table.lines))
     return table.lines[start:end]

@@ -1,7 +1,7 @@
-"""Positions in a text file of Visual3D (Export Data to ASCII): five rows over the data.
+"""Positions in a text file of Visual3D (Export Data to ASCII): five rows above the data.
 
-In each column the trial's file, the name of the signal, its type (TARGET, LANDMARK, ...), its folder, and in the row
-ITEM X, Y or Z. The unit is not said.
+Each column has the trial's file, the name of the signal, its type (TARGET, LANDMARK, ...), its folder, and in the row
+ITEM X, Y or Z. The file does not say the unit.
 """
 
 from pathlib import Path
@@ -13,21 +13,21 @@ from motions.landmarks.markers import Markers
 _ITEM = "item"
 _ROWS_OVER_IT = 4
 _POSITIONS = ("target", "landmark")
-"""Types of signals that are places of markers."""
+"""Types of signals that are positions of markers."""
 
 _MOST_NAMED = 5
-"""Types or files in a message."""
+"""Maximum number of types or files in a message."""
 
 _EXPORT = "Export signals of type TARGET or LANDMARK of one trial again, with all components"
 
 
 def is_visual3d(head: ExportTable) -> bool:
-    """Tell whether a file begins as an export of Visual3D."""
+    """Check whether a file begins as an export of Visual3D."""
     return _item(head) is not None
 
 
 def read_visual3d(path: Path) -> Markers:
-    """Read the targets and landmarks. InputError if there are none, or if they are those of several trials."""
+    """Read the targets and landmarks. Raise InputError if there are none, or if they belong to several trials."""
     table = read_export_table(path)
     row = _item(table)
     assert row is not None
@@ -52,5 +52,5 @@ def read_visual3d(path: Path) -> Markers:
 
 
 def _item(table: ExportTable) -> int | None:
-    """The row of the components; None where there is none with four rows over it."""
+    """Return the index of the row of the components; None without such a row with four rows above it."""
     return next((k for k, word in enumerate(table.first_words()) if word == _ITEM and k >= _ROWS_OVER_IT), None)

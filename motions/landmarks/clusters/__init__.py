@@ -1,1 +1,1 @@
-"""Landmarks that a cluster of markers carries from static trials, where they were palpated, into a moving one."""
+"""Landmarks that clusters of markers carry from static trials, in which they were palpated, into a moving trial."""

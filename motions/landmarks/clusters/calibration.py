@@ -1,9 +1,9 @@
-"""Static trials: where the landmarks of a segment lie beside the markers of the cluster that is fixed to it.
+"""Calibration by static trials: places of a segment's landmarks relative to the markers of the segment's cluster.
 
-One static posture gives one place for each landmark (Cappozzo et al., Clin. Biomech. 10 (1995) 171-178; for the
-acromion van Andel et al., Gait Posture 29 (2009) 123-128). The skin of the acromion moves over the bone as the arm
-rises. With two postures or more the scapula's place beside its cluster is therefore interpolated over the elevation of
-the arm (double calibration: Brochard et al., J. Biomech. 44 (2011) 751-754), and extrapolated beyond them.
+One static posture gives one place per landmark (Cappozzo et al., Clin. Biomech. 10 (1995) 171-178; for the acromion van
+Andel et al., Gait Posture 29 (2009) 123-128). The skin of the acromion moves over the bone as the arm rises. With two
+postures or more, the pose of the scapula in its cluster is therefore interpolated over the elevation of the arm (double
+calibration: Brochard et al., J. Biomech. 44 (2011) 751-754), and extrapolated beyond these postures.
 """
 
 from collections.abc import Mapping as Dictionary
@@ -27,29 +27,29 @@ from motions.motion_csv.cells import Side
 from motions.rotations import DEG
 
 CARRIED = {"thorax": (*THORAX, "SC"), "scapula": ("AC", "AA", "TS", "AI"), "humerus": ("EM", "EL")}
-"""The landmarks that each cluster carries. GH, which belongs to two bones, goes with the humerus, and with the scapula
-where there is no cluster on the humerus."""
+"""Landmarks that each cluster carries. GH, which belongs to two bones, is carried with the humerus, or with the scapula
+if there is no cluster on the humerus."""
 
 SAME_POSTURE_DEG = 10.0
-"""Static trials with the arm within this much of the lowest of them are one posture: over it, the skin of the acromion
-moves by less than a palpated landmark scatters."""
+"""Range of elevations, from the lowest up, in which static trials are one posture: within it the skin of the acromion
+moves by less than the scatter of a palpated landmark."""
 
 SAME_BONE_MM = 20.0
-"""That a distance of palpated landmarks may differ between two postures. Assumed: each of its ends is palpated twice,
-with an SD of 5 mm, which is 10 mm for the difference."""
+"""Largest plausible change of a distance between palpated landmarks from one posture to another. Assumed: each end is
+palpated twice with an SD of 5 mm, so the difference has an SD of 10 mm."""
 
 _MOST_FRAMES = (0.05, 0.95)
-"""Quantiles between which a static trial holds still: a marker that jumps does not count."""
+"""Quantiles of the elevation between which a static trial must hold still, so that a jumping marker does not count."""
 
 Positions = Dictionary[str, Float[np.ndarray, "3 frames"]]
 
 Node = tuple[float, str, dict[str, Float[np.ndarray, "3 1"]]]
-"""An elevation of the arm, the static trial, and the scapula's landmarks in its cluster."""
+"""Elevation of the arm, file of the static trial, and places of the scapula's landmarks in the cluster's frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """The markers of a cluster and their places to each other, mm."""
+    """The markers of a cluster and their places in its frame, mm."""
 
     names: tuple[str, ...]
     shape_mm: Float[np.ndarray, "markers 3"]
@@ -57,15 +57,15 @@ class Cluster:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Landmarks beside a cluster: their places to each other, and how they lie in it at elevations of the arm."""
+    """A rigid body of landmarks: their places in its frame, and its poses in the cluster at elevations of the arm."""
 
     landmarks_mm: dict[str, Float[np.ndarray, "3 1"]]
     poses: tuple[Pose, ...]
-    """One; or one for each elevation."""
+    """One pose for all elevations, or one per elevation."""
     elevations_deg: tuple[float, ...]
 
     def in_cluster(self, elevation_deg: Float[np.ndarray, " frames"]) -> Pose:
-        """Give the pose of the landmarks in the frame of the cluster; NaN where an elevation is needed and is NaN."""
+        """Compute the pose of the landmarks in the frame of the cluster; NaN where a needed elevation is NaN."""
         if len(self.poses) == 1:
             return Pose(*(np.repeat(part, len(elevation_deg), axis=-1) for part in self.poses[0]))
         nodes = np.array(self.elevations_deg)
@@ -79,16 +79,16 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What the static trials say, by segment."""
+    """Clusters and bodies of landmarks from the static trials, by segment."""
 
     clusters: dict[str, Cluster]
     bodies: dict[str, Body]
     gh_placed: bool
-    """Whether GH was placed, and not palpated."""
+    """True where GH was estimated, not palpated."""
 
     @property
     def said(self) -> str:
-        """Say of the scapula how it was calibrated."""
+        """Describe the calibration of the scapula."""
         nodes = self.bodies["scapula"].elevations_deg if "scapula" in self.bodies else ()
         at = f"at {', '.join(f'{at:.0f}' for at in nodes)} degrees" if len(nodes) > 1 else "in one posture"
         return f"cluster, calibrated {at}"
@@ -97,10 +97,11 @@ class Calibration:
 def calibrate(
     statics: Sequence[Markers], mapping: Mapping, side: Side = "right", gh_from: GlenohumeralOffset | None = None
 ) -> Calibration:
-    """Find the places of the landmarks beside the clusters of ``mapping.clusters``.
+    """Compute the places of the landmarks relative to the clusters of ``mapping.clusters``.
 
-    statics: a trial each. gh_from: what places GH, where it was not palpated. InputError where a cluster is whole in
-    none of them, has no landmark, or where postures of the scapula cannot be told apart.
+    ``statics``: the static trials. ``gh_from``: offset that places GH, if GH was not palpated. InputError where a
+    cluster is complete in no trial or has no landmark, or where the scapula was palpated in several trials and the
+    elevation of the arm in one of them is not known.
     """
     if not mapping.clusters:
         cause = "the mapping file does not say which markers are clusters"
@@ -116,7 +117,7 @@ def calibrate(
 
 
 def carried_by(segment: str, mapping: Mapping) -> tuple[str, ...]:
-    """Give the landmarks that go with a segment's cluster."""
+    """Return the landmarks that a segment's cluster carries."""
     own_gh = segment == "humerus" or (segment == "scapula" and "humerus" not in mapping.clusters)
     return (*CARRIED[segment], "GH") if own_gh else CARRIED[segment]
 
@@ -132,7 +133,7 @@ def elevation_deg(positions: Positions) -> Float[np.ndarray, " frames"] | None:
 
 
 class _Static:
-    """A static trial: its landmarks and the markers of its clusters, mm."""
+    """Landmarks and cluster markers of a static trial, mm."""
 
     def __init__(self, markers: Markers, mapping: Mapping, side: Side, gh_from: GlenohumeralOffset | None):
         self.file, factor = markers.file, millimetres(markers, mapping)
@@ -151,13 +152,13 @@ class _Static:
         }
 
     def seen(self, names: Sequence[str]) -> np.ndarray | None:
-        """The positions of a cluster's markers; None if one has no marker in the file."""
+        """Return the positions of a cluster's markers; None if the file lacks one of them."""
         if not all(name in self.markers_mm for name in names):
             return None
         return np.stack([self.markers_mm[name] for name in names])
 
     def beside(self, cluster: Cluster, landmarks: Sequence[str]) -> dict[str, Float[np.ndarray, "3 1"]]:
-        """The median places of these landmarks in the frame of a cluster, of those seen together with it."""
+        """Compute the median places in the cluster's frame of those landmarks that were seen together with it."""
         seen = self.seen(cluster.names)
         if seen is None:
             return {}
@@ -170,7 +171,7 @@ class _Static:
 def cluster_markers_mm(
     markers: Markers, mapping: Mapping, segment: str, factor: float
 ) -> dict[str, Float[np.ndarray, "3 frames"]]:
-    """Find the markers of a segment's cluster that a file has, mm; NaN where one was not seen, with an InputWarning."""
+    """Return the markers of a segment's cluster that a file has, mm; NaN, with InputWarning, where one was not seen."""
     every = {name: marker_mm(markers, mapping, name, factor) for name in mapping.clusters[segment]}
     found = {name: place for name, place in every.items() if place is not None}
     for name, unseen in never_seen_of_cluster(found).items():
@@ -185,7 +186,7 @@ def cluster_markers_mm(
 
 
 def _cluster(segment: str, names: tuple[str, ...], read: Sequence[_Static]) -> Cluster:
-    """A cluster as the first static trial has it that has all of its markers."""
+    """Build a cluster from the first static trial that has all of its markers."""
     said = [f"there are no markers {', '.join(names)} of cluster {segment} together"]
     for one in read:
         seen = one.seen(names)
@@ -201,7 +202,7 @@ def _cluster(segment: str, names: tuple[str, ...], read: Sequence[_Static]) -> C
 
 
 def _single(segment: str, cluster: Cluster, read: Sequence[_Static], mapping: Mapping) -> Body:
-    """The landmarks of a segment in its cluster: means over the static trials."""
+    """Compute the places of a segment's landmarks in its cluster: means over the static trials."""
     landmarks = carried_by(segment, mapping)
     places = _means([one.beside(cluster, landmarks) for one in read])
     if not places:
@@ -216,7 +217,7 @@ def _means(found: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def _elevation_of_static(one: _Static, clusters: dict[str, Cluster], bodies: dict[str, Body]) -> float:
-    """The median elevation of the arm in a static trial; NaN where it is not known. InputError if the arm moves."""
+    """Compute the median elevation of the arm in a static trial; NaN if not known. InputError if the arm moves."""
     positions = dict(one.landmarks_mm)
     for segment, cluster in clusters.items():
         seen = one.seen(cluster.names)
@@ -237,7 +238,7 @@ def _elevation_of_static(one: _Static, clusters: dict[str, Cluster], bodies: dic
 def _over_elevation(
     cluster: Cluster, read: Sequence[_Static], elevations_deg: Sequence[float], mapping: Mapping
 ) -> Body:
-    """The scapula in its cluster: at one posture or several of the arm."""
+    """Compute the pose of the scapula in its cluster at one or several postures of the arm."""
     landmarks = carried_by("scapula", mapping)
     found = [(at, one.file, one.beside(cluster, landmarks)) for at, one in zip(elevations_deg, read, strict=True)]
     palpated = [one for one in found if one[2]]
@@ -260,7 +261,7 @@ def _over_elevation(
 
 
 def _check_same_bone(first: Node, other: Node) -> None:
-    """InputError where landmarks were palpated that are not those of one scapula in two postures."""
+    """Raise InputError where the palpated distances of two postures differ by more than one scapula allows."""
     pairs = [pair for pair in combinations(sorted(first[2]), 2) if set(pair) <= other[2].keys()]
     if not pairs:
         return
@@ -277,7 +278,7 @@ def _check_same_bone(first: Node, other: Node) -> None:
 
 
 def _body(nodes: Sequence[Node]) -> Body:
-    """One rigid scapula laid on what was palpated at each elevation. InputError where that is too little."""
+    """Fit one rigid scapula to the landmarks palpated at each elevation. InputError where these are too few."""
     first = nodes[0][2]
     poses = []
     for at, file, places in nodes:

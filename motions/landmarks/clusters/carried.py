@@ -1,4 +1,4 @@
-"""A moving trial with the landmarks that its clusters carry."""
+"""Moving trials with the landmarks that their clusters carry."""
 
 from dataclasses import dataclass
 
@@ -12,32 +12,33 @@ from motions.landmarks.mapping import Mapping
 from motions.landmarks.markers import NEEDED, Markers, check_size, landmarks_there_mm, millimetres
 
 LARGEST_RESIDUAL_MM = 10.0
-"""Of a rigid fit, root mean square: a plate keeps its shape to a millimetre, markers on skin to some. More is a swapped
-or lost marker (assumed), and the frame is a gap."""
+"""Largest residual of a rigid fit, root mean square. A plate keeps its shape to a millimetre, markers on skin to a few.
+A larger residual means a swapped or lost marker (assumed), and the frame becomes a gap."""
 
 FAR_BEYOND_DEG = 20.0
-"""An elevation this much outside the calibrated ones is warned of: its place is extrapolated."""
+"""Distance from the calibrated elevations beyond which a warning names the extrapolation."""
 
 _SAME_DEG = 1e-10
 _MOST_ROUNDS = 50
-"""Rounds until the elevation and the place of GH, which depends on it, agree: each shrinks the difference tenfold."""
+"""Maximum number of iterations until the elevation agrees with the place of GH, which depends on the elevation. Each
+iteration reduces the difference tenfold."""
 
 
 @dataclass(frozen=True, eq=False)
 class CarriedTrial:
-    """Landmarks of each frame, mm, in the file's own frame, measured and carried; NaN is a gap."""
+    """Measured and carried landmarks of each frame, mm, in the file's own frame; NaN is a gap."""
 
     lab_mm: dict[str, Float[np.ndarray, "3 frames"]]
     residuals_mm: dict[str, Float[np.ndarray, " frames"]]
-    """Of the rigid fit of each cluster, by segment."""
+    """Residuals of the rigid fit of each cluster, by segment."""
     elevation_deg: Float[np.ndarray, " frames"]
     calibration: Calibration
 
 
 def carry(markers: Markers, mapping: Mapping, calibration: Calibration) -> CarriedTrial:
-    """Carry the calibrated landmarks into a trial; those of a cluster win over markers of the same name.
+    """Carry the calibrated landmarks into a trial; carried landmarks replace markers of the same name.
 
-    InputError where a cluster has no markers in the trial, or a needed landmark is neither there nor carried.
+    InputError where a cluster is in no frame of the trial, or where a needed landmark is neither there nor carried.
     InputWarning where frames are left out, or where the arm goes far beyond the calibrated elevations.
     """
     factor = millimetres(markers, mapping)
@@ -65,7 +66,7 @@ def carry(markers: Markers, mapping: Mapping, calibration: Calibration) -> Carri
 def _pose(
     markers: Markers, mapping: Mapping, calibration: Calibration, segment: str, factor: float
 ) -> tuple[Pose, Float[np.ndarray, " frames"]]:
-    """The pose of a cluster in each frame, and the residual of its fit."""
+    """Compute the pose of a cluster in each frame, and the residual of its fit."""
     cluster = calibration.clusters[segment]
     places = cluster_markers_mm(markers, mapping, segment, factor)
     nothing = np.full((3, markers.positions.shape[2]), np.nan)
@@ -87,7 +88,7 @@ def _pose(
 
 
 def _in_lab(calibration: Calibration, segment: str, pose: Pose, elevation: np.ndarray) -> dict[str, np.ndarray]:
-    """The landmarks that a cluster carries, in the frame of the file."""
+    """Compute the landmarks that a cluster carries, in the frame of the file."""
     body = calibration.bodies[segment]
     in_lab = pose.after(body.in_cluster(elevation))
     return {name: in_lab.carry(place) for name, place in body.landmarks_mm.items()}
@@ -96,7 +97,7 @@ def _in_lab(calibration: Calibration, segment: str, pose: Pose, elevation: np.nd
 def _with_scapula(
     file: str, lab_mm: dict[str, np.ndarray], mapping: Mapping, calibration: Calibration, pose: Pose
 ) -> tuple[dict[str, np.ndarray], Float[np.ndarray, " frames"]]:
-    """The landmarks with those of the scapula, and the elevation of the arm over which they are interpolated."""
+    """Add the landmarks of the scapula; return also the elevation of the arm over which they are interpolated."""
     nodes = calibration.bodies["scapula"].elevations_deg
     elevation = np.full(pose.t.shape[1], nodes[0])
     found = lab_mm | _in_lab(calibration, "scapula", pose, elevation)

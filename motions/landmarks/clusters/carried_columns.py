@@ -1,4 +1,4 @@
-"""What a motion file says of postures that a cluster carried, or whose GH was placed."""
+"""Columns of a motion file for postures with landmarks that clusters carried, or with an estimated GH."""
 
 from dataclasses import replace
 
@@ -11,22 +11,21 @@ from motions.landmarks.stand_ins import GlenohumeralOffset
 from motions.table import Motions
 
 SCAPULA_FROM = "scapula_from"
-"""The extra column that says that the scapula is a cluster's, under which skin moves over bone, and how it was
-calibrated."""
+"""Extra column: states that a cluster, under which skin moves over bone, carried the scapula, and its calibration."""
 
 HUMERUS_PLACED = "humerus_from"
-"""The extra column that says what stood in for GH where nobody marked it: the elevation of the arm rests on it."""
+"""Extra column: description of how GH was estimated if nobody marked it; the elevation of the arm depends on GH."""
 
 
 def residual_column(segment: str) -> str:
-    """Name the extra column with the residual of a cluster's rigid fit, root mean square, mm."""
+    """Return the name of the extra column with the residual of a cluster's rigid fit (root mean square, mm)."""
     return f"{segment}_cluster_residual_mm"
 
 
 def with_cluster(part: Motions, trial: CarriedTrial, rows: Int[np.ndarray, " frames"], sampled: bool) -> Motions:
-    """Add the columns of a trial with clusters: how the scapula was calibrated, and the residual of each rigid fit.
+    """Add the columns of a trial with clusters: calibration of the scapula, and residual of each rigid fit.
 
-    rows: the frames of the trial that the postures are of, or at whose elevations they were sampled.
+    ``rows``: frames of the trial from which the postures were taken or sampled.
     """
     extra = part.extra.copy()
     if "scapula" in trial.calibration.clusters:
@@ -41,7 +40,7 @@ def with_cluster(part: Motions, trial: CarriedTrial, rows: Int[np.ndarray, " fra
 
 
 def with_placed_gh(part: Motions, offset: GlenohumeralOffset) -> Motions:
-    """Mark postures whose GH was placed, and leave out its position, which nobody measured."""
+    """Mark postures with an estimated GH, and leave out its position, which nobody measured."""
     extra = part.extra.copy()
     extra[HUMERUS_PLACED] = [f"GH from AC by a stated offset +- {offset.uncertainty_mm:g} mm"] * len(part.posture)
     landmarks_mm = {name: place for name, place in part.landmarks_mm.items() if name != "GH"}
@@ -53,7 +52,7 @@ def _sampled(
     values: Float[np.ndarray, " frames"],
     at_deg: Float[np.ndarray, " postures"],
 ) -> Float[np.ndarray, " postures"]:
-    """The values on the local line at each elevation; NaN where too few frames are near."""
+    """Compute the values on the local line at each elevation; NaN where too few frames are near."""
     found = resample(elevation_deg, values[:, None], at_deg)
     by_elevation = dict(zip(found.at_deg.tolist(), found.values[:, 0].tolist(), strict=True))
     return np.array([by_elevation.get(at, np.nan) for at in at_deg.tolist()])

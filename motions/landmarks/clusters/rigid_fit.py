@@ -1,4 +1,4 @@
-"""A rigid body laid on its markers, frame by frame, and motions between two places of it.
+"""Fit of a rigid body to its markers, frame by frame, and parts of the motion between two poses.
 
 The fit is the least squares of x_m = R a_m + t over the markers m that were seen: with H = sum a_m x_m' about both
 centroids and H = U S V', R = V diag(1, 1, det VU') U' (Soderkvist & Wedin, J. Biomech. 26 (1993) 1473-1477).
@@ -12,15 +12,15 @@ from jaxtyping import Bool, Float
 from motions.rotations import compose, cross_matrix, rotate, rotation_from_vector, vector_from_rotation
 
 FEWEST = 3
-"""Markers that fix a position and a rotation."""
+"""Number of markers that determine a position and a rotation."""
 
 THIN_MM = 3.0
-"""How far, root mean square, the markers must lie from a line: nearer, a millimetre of noise turns the body round it by
-more than 20 degrees. Clusters in use are three to ten times as wide."""
+"""Smallest root mean square distance of the markers from a line. Below it, a millimetre of noise turns the body about
+this line by more than 20 degrees. Clusters in use are three to ten times as wide."""
 
 
 class Pose(NamedTuple):
-    """x = R a + t."""
+    """Rigid transformation x = R a + t, per frame."""
 
     R: Float[np.ndarray, "3 3 frames"]
     t: Float[np.ndarray, "3 frames"]
@@ -34,24 +34,24 @@ class Pose(NamedTuple):
         return rotate(np.swapaxes(self.R, 0, 1), points - self.t)
 
     def after(self, first: "Pose") -> "Pose":
-        """Compute the pose of what ``first`` has put into this body."""
+        """Compute the composition: first the transformation ``first``, then this one."""
         return Pose(compose(self.R, first.R), self.carry(first.t))
 
     def inverse(self) -> "Pose":
-        """Compute the pose that undoes this one."""
+        """Compute the inverse transformation."""
         R = np.swapaxes(self.R, 0, 1)
         return Pose(R, -rotate(R, self.t))
 
 
 class RigidFit(NamedTuple):
-    """The pose in each frame and the root mean square distance of the markers, mm; NaN where too few were seen."""
+    """Pose in each frame and root mean square distance of the markers, mm; NaN where too few markers were seen."""
 
     pose: Pose
     residual_mm: Float[np.ndarray, " frames"]
 
 
 def fit_rigid(shape_mm: Float[np.ndarray, "markers 3"], seen_mm: Float[np.ndarray, "markers 3 frames"]) -> RigidFit:
-    """Lay the shape on the markers of each frame; NaN where fewer than FEWEST were seen, or those nearly in a line."""
+    """Fit the shape to the markers of each frame; NaN where fewer than FEWEST were seen, or all lie near a line."""
     seen = np.all(np.isfinite(seen_mm), axis=1)
     count = np.maximum(seen.sum(axis=0), 1)
     a, x = np.where(seen[:, None], shape_mm[..., None], 0.0), np.where(seen[:, None], seen_mm, 0.0)
@@ -68,7 +68,7 @@ def fit_rigid(shape_mm: Float[np.ndarray, "markers 3"], seen_mm: Float[np.ndarra
 
 
 def thin(about_mean_mm: Float[np.ndarray, "markers 3 frames"], seen: Bool[np.ndarray, "markers frames"]) -> np.ndarray:
-    """Tell in which frames the markers lie within THIN_MM of a line."""
+    """Find the frames in which the markers lie within THIN_MM of a line."""
     sizes = np.linalg.svd(np.moveaxis(about_mean_mm, 2, 0), compute_uv=False)
     if sizes.shape[1] < 2:
         return np.ones(len(sizes), bool)
@@ -76,9 +76,9 @@ def thin(about_mean_mm: Float[np.ndarray, "markers 3 frames"], seen: Bool[np.nda
 
 
 def mean_shape(seen_mm: Float[np.ndarray, "markers 3 frames"]) -> Float[np.ndarray, "markers 3"]:
-    """Average the places of markers to each other over the frames, in the first frame that has them all.
+    """Average the shape of a cluster over the frames, in the pose of the first frame that has all markers.
 
-    ValueError if no frame has them all, or if they lie in a line.
+    ValueError if no frame has all markers, or if they lie in a line.
     """
     whole = np.flatnonzero(np.isfinite(seen_mm).all(axis=(0, 1)))
     if not len(whole):
@@ -91,9 +91,10 @@ def mean_shape(seen_mm: Float[np.ndarray, "markers 3 frames"]) -> Float[np.ndarr
 
 
 def part_of_the_way(whole: Pose, share: Float[np.ndarray, " frames"]) -> Pose:
-    """Compute the share of a motion, exp(share log D): for a rotation about any axis and a translation along it.
+    """Compute a share of a screw motion D (``whole``, one pose): exp(share log D).
 
-    whole: D, one pose. With the vector w of its rotation, D's translation is V(w) v; the share's is share V(share w) v.
+    With w the rotation vector of D, the translation of D is V(w) v, and the translation of the share is
+    share V(share w) v.
     """
     w = vector_from_rotation(whole.R[..., 0])
     v = np.linalg.solve(_translating(w[:, None])[..., 0], whole.t[:, 0])
@@ -102,11 +103,14 @@ def part_of_the_way(whole: Pose, share: Float[np.ndarray, " frames"]) -> Pose:
 
 
 _SMALL_RAD = 1e-4
-"""Below it the series of V is exact to the last digit."""
+"""Angle below which the first terms of the series of V are exact to the last digit."""
 
 
 def _translating(w: Float[np.ndarray, "3 frames"]) -> Float[np.ndarray, "3 3 frames"]:
-    """V(w), the mean of exp([s w]x) over s from 0 to 1: 1 + (1 - cos a)/a^2 [w]x + (a - sin a)/a^3 [w]x^2, a = |w|."""
+    """Compute V(w), the mean of exp([s w]x) over s from 0 to 1.
+
+    V(w) = 1 + (1 - cos a)/a^2 [w]x + (a - sin a)/a^3 [w]x^2 with a = |w|.
+    """
     a = np.linalg.norm(w, axis=0)
     safe = np.where(a < _SMALL_RAD, 1.0, a)
     first = np.where(a < _SMALL_RAD, 0.5, 2.0 * np.sin(safe / 2.0) ** 2 / safe**2)

@@ -116,8 +116,8 @@ def variant(edit: Callable[[str], str]) -> Kernel:
 
 def iteration_us(kernel: Kernel, given: Any) -> float:
     """Microseconds that a core takes for one iteration of a block, which goes on until its last subject has ended."""
-    blocks = kernel.by_machine(*given).iterations.reshape(-1, BLOCK).max(axis=1).sum()
-    return reached.core_seconds(lambda: kernel.by_machine(*given)) * (os.cpu_count() or 1) / float(blocks) * 1e6
+    blocks = kernel.native(*given).iterations.reshape(-1, BLOCK).max(axis=1).sum()
+    return reached.core_seconds(lambda: kernel.native(*given)) * (os.cpu_count() or 1) / float(blocks) * 1e6
 
 
 def without_padding(given: tuple[SubjectProblem, Start, np.ndarray]) -> tuple[SubjectProblem, Start, np.ndarray]:

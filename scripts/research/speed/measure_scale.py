@@ -1,8 +1,8 @@
 """`girdle adapt` of many simulated subjects: time and peak memory against their number.
 
 The motion file is made a block of subjects at a time, and the command runs in processes of its own. Their memory is
-looked at twice a second: the largest of one, and of all together, what they share counted once (Linux). Prints a line a
-number and the exponent of time against number (1 is linear).
+read twice a second: the largest of one process, and of all together, shared pages counted once (Linux). This script is
+not among them. Prints a line per number and the exponent of time against number (1 is linear).
 
 With ``--dask`` the parts are made by so many workers of a Dask cluster on this machine. ``--kill`` ends one of them as
 a machine that fails would; every subject must be in the table of parameters once.
@@ -14,10 +14,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 ROOT = Path(__file__).parents[3]
 sys.path[:0] = [str(ROOT)]
@@ -49,19 +49,36 @@ def write_subjects(count: int, path: Path) -> None:
 
 
 @contextmanager
-def cluster(workers: int) -> Iterator[tuple[str, list[int]]]:
-    """The address of a Dask scheduler on this machine, and its workers' processes."""
-    from distributed import LocalCluster
+def cluster(workers: int, folder: Path) -> Iterator[tuple[str, list[int]]]:
+    """Start a Dask scheduler and workers on this machine as docs/large_runs.md says: the scheduler's address, and the
+    process of the scheduler and of each worker."""
+    from distributed import Client
 
-    here: Any = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
-    with here:
-        yield here.scheduler_address, [nanny.pid for nanny in here.workers.values()]
+    file = folder / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    of_file = ["--scheduler-file", str(file), "--no-dashboard"]
+    commands = [
+        [*dask, "scheduler", "--port", "0", *of_file],
+        *[[*dask, "worker", "--nthreads", "1", *of_file]] * workers,
+    ]
+    with ExitStack() as stack:
+        processes = []
+        for command in commands:
+            one = stack.enter_context(subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL))
+            stack.callback(one.terminate)
+            processes.append(one.pid)
+        while not file.exists():
+            time.sleep(_LOOK_S)
+        with Client(scheduler_file=str(file)) as client:
+            client.wait_for_workers(workers)
+            address = client.scheduler_info()["address"]
+        yield address, processes
 
 
 def watched(
-    run: subprocess.Popen, parent: int | None = None, kill: tuple[int, float] | None = None
+    run: subprocess.Popen, others: Sequence[int] = (), kill: tuple[int, float] | None = None
 ) -> tuple[float, float]:
-    """Wait for a run; the most memory of one process and of all that ``parent`` began (default: of the run), MiB.
+    """Wait for a run; return the most memory of one process and of all, with ``others`` and all that these began, MiB.
 
     ``kill``: a process to end, and when, s. CalledProcessError if the run fails.
     """
@@ -72,7 +89,7 @@ def watched(
             os.kill(kill[0], signal.SIGKILL)
             print(f"a worker was ended after {kill[1]:.0f} s", flush=True)
             kill = None
-        sizes = [memory_mib(process) for process in family(parent or run.pid)]
+        sizes = [memory_mib(process) for root in (run.pid, *others) for process in family(root)]
         one, together = max(one, *sizes), max(together, sum(sizes))
         time.sleep(_LOOK_S)
     if run.returncode:
@@ -118,13 +135,17 @@ def measure(
             motions = Path(folder) / "motions.csv"
             write_subjects(count, motions)
             command = [sys.executable, "-m", "adapt", "adapt", str(motions), "--model", model, "--out", f"{folder}/out"]
-            with cluster(dask) if dask else nullcontext(("", [])) as (address, workers):
+            with cluster(dask, Path(folder)) if dask else nullcontext(("", [])) as (address, others):
                 start = time.perf_counter()
                 run = subprocess.Popen(
                     [*command, *(["--dask", address] if dask else [])], cwd=ROOT, stdout=subprocess.DEVNULL
                 )
-                ended = (workers[0], kill) if kill is not None and count == counts[-1] else None
-                one, together = watched(run, os.getpid() if dask else None, ended)
+                ended = (
+                    (max(family(others[-1]), key=memory_mib), kill)
+                    if kill is not None and count == counts[-1]
+                    else None
+                )
+                one, together = watched(run, others, ended)
                 seconds.append(time.perf_counter() - start)
             subjects = pd.read_csv(f"{folder}/out/parameters.csv", usecols=["subject"])["subject"]
             assert len(subjects) == subjects.nunique() == count, f"{subjects.nunique()} of {count} subjects"

@@ -194,11 +194,11 @@ def _on_gpu(x: np.ndarray) -> _Memory:
 def run_on_gpu(kernels: Sequence[Kernel]) -> dict[str, GpuKernel]:
     """Let these kernels run on the GPU from now on, in this process; return them by name."""
     on_gpu = {one.name: GpuKernel(one) for one in kernels}
-    by_machine = Kernel.__call__
+    native = Kernel.__call__
 
     def anywhere(self: Kernel, *trees: Any) -> Any:
         double = all(x.dtype != np.float32 for x in jax.tree.leaves(trees))
-        return on_gpu[self.name](*trees) if double and self.name in on_gpu else by_machine(self, *trees)
+        return on_gpu[self.name](*trees) if double and self.name in on_gpu else native(self, *trees)
 
     Kernel.__call__ = anywhere
     return on_gpu

@@ -116,8 +116,8 @@ def sweep_gflops(data: Any, operations: int) -> float:
     """Of the first iterations of every subject, of so many operations each; those of subjects that wait for others of
     their block are not counted."""
     given = first_iterations(data)
-    done = subjects_kernel.by_machine(*given).iterations.sum()
-    return float(done) * operations / core_seconds(lambda: subjects_kernel.by_machine(*given)) / 1e9
+    done = subjects_kernel.native(*given).iterations.sum()
+    return float(done) * operations / core_seconds(lambda: subjects_kernel.native(*given)) / 1e9
 
 
 def first_iterations(data: Any) -> tuple[SubjectProblem, Start, np.ndarray]:
@@ -236,7 +236,7 @@ def measured(
         rows["slsqp"].append(2 * peers / fits.wall_s)
         rows["gflops"].append(sweep_gflops(cases.data, cases.operations))
         rows["peak_gflops"].append(peak_gflops())
-        rows["sweep"].append(subjects / timed(lambda: subjects_kernel.by_machine(*cases.sweep)))
+        rows["sweep"].append(subjects / timed(lambda: subjects_kernel.native(*cases.sweep)))
         rows["sweep_by_xla"].append(subjects / timed(lambda: subjects_kernel.by_jax(*cases.sweep)))
     return dict(rows), last, fits
 

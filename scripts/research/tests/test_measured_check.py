@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnoses import cause, verdict
 
-from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.candidates import build_design
 from adapt.diagnosis.fit.shoulders import usable
 from models import load_model
 from models.effects import EFFECTS
@@ -67,7 +67,7 @@ def test_what_noise_changes_is_told_of_every_two_diagnoses():
 
 def test_causes_at_random_are_different_ones_with_all_their_numbers():
     shoulders, _ = usable(read_motions(SHIPPED))
-    candidates = lay_out(
+    candidates = build_design(
         [EFFECTS[name] for name in ("conoid_strain", "ac_translation", "ac_translation:posture")], shoulders
     )
     for seed in range(5):

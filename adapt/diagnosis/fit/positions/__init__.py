@@ -1,1 +1,1 @@
-"""Measured positions of landmarks: as rows of the linear model, and what they say of sizes."""
+"""Measured landmark positions: rows of the linear model, and the effect sizes that they measure."""

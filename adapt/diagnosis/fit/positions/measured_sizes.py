@@ -1,13 +1,13 @@
-"""What positions of landmarks say of the sizes that candidates change, before any angle is looked at.
+"""Effect sizes measured by landmark positions alone, before any angle is used.
 
-Each subject s has the medians over its postures of n = (SC, |SC-AC|, TS_x, AI_x, AI_y), the last three in the frame of
-the scapula (thesis, Appendix A). A candidate that changes the bones by a constant a has, alone,
+Each subject s has the medians over its postures of ``n = (SC, |SC-AC|, TS_x, AI_x, AI_y)``, the last three in the frame
+of the scapula (thesis, Appendix A). A candidate that changes the bones by a constant a has, alone,
 
     a_s = argmin |W (n_s - n - J a)|^2,   J = dn/da,
 
-n and J those of the subject's parameter set, W one over the SDs of the medians. The diagnosis believes of an amplitude
-that all subjects share the mean of a_s, with the SD of that mean. How one subject differs from another is not in it: a
-set of each person (``girdle model``) has it.
+where n and J are those of the subject's parameter set, and W is one over the SDs of the medians. The prior of an
+amplitude that all subjects share has the mean of a_s, and the SD of that mean. Differences between subjects are not
+part of this prior: the parameter set of each person (``girdle model``) has them.
 """
 
 from collections.abc import Sequence
@@ -31,14 +31,14 @@ _NO_ROTATION = np.eye(3)
 
 
 class MeasuredSize(NamedTuple):
-    """What is believed of the amplitudes of one candidate."""
+    """Mean and SD of the amplitudes of one candidate."""
 
     mean: Float[np.ndarray, " own"]
     sd: Float[np.ndarray, " own"]
 
 
 def measured_sizes(shoulders: Shoulders, girdle: Girdle, effects: Sequence[Effect]) -> dict[str, MeasuredSize]:
-    """Measure every size that landmarks determine, by name of the candidate; ``girdle``: (component, subjects)."""
+    """Compute every size that landmarks determine, by name of the candidate; ``girdle``: (component, subjects)."""
     subjects = range(len(shoulders.subjects))
     of_subjects = [_numbers_of(shoulders.motions.select(shoulders.subject == s)) for s in subjects]
     found = {}
@@ -59,13 +59,13 @@ def measured_sizes(shoulders: Shoulders, girdle: Girdle, effects: Sequence[Effec
 
 
 def _numbers_of(motions: Motions) -> LandmarkNumbers:
-    """n of one subject and its SDs, NaN where not measured."""
+    """Compute n of one subject and its SDs, NaN where not measured."""
     places = measured_places_mm(motions)
     return numbers_of(places, np.ones(len(motions.posture), bool))
 
 
 def _resizes(effect: Effect, girdle: Girdle) -> bool:
-    """Tell whether an effect changes what landmarks measure, the same in every posture."""
+    """Check whether an effect changes the numbers that landmarks measure, by a constant."""
     if effect.course is not CONSTANT:
         return False
     rotation = _NO_ROTATION[..., None]
@@ -74,7 +74,7 @@ def _resizes(effect: Effect, girdle: Girdle) -> bool:
 
 
 def _of_sets(effect: Effect, girdle: Girdle) -> tuple[np.ndarray, np.ndarray]:
-    """n (subjects, 7) of the parameter sets and its slopes J (subjects, 7, own)."""
+    """Compute n (subjects, 7) of the parameter sets and its derivatives J (subjects, 7, own)."""
 
     def numbers(a, girdle: Girdle) -> Float[Array, "7"]:
         changed, _ = effect.adjust(girdle, (_NO_ROTATION, _NO_ROTATION), a)
@@ -87,7 +87,7 @@ def _of_sets(effect: Effect, girdle: Girdle) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _alone(more_mm, sd_mm, slopes) -> tuple[np.ndarray, np.ndarray] | None:
-    """The amplitudes of one subject and their variances; None where landmarks do not determine them."""
+    """Compute the amplitudes of one subject and their variances; None where landmarks do not determine them."""
     known = np.isfinite(more_mm)
     J = slopes[known] / sd_mm[known, None]
     if np.linalg.matrix_rank(J, _NOTHING) < J.shape[1]:
@@ -97,4 +97,5 @@ def _alone(more_mm, sd_mm, slopes) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 _NOTHING = 1e-9
-"""SDs of the numbers a unit of amplitude: an effect that changes them by less does not show in them."""
+"""Rank tolerance, in SDs of the numbers per unit of amplitude: landmarks do not show an effect that changes the numbers
+by less."""

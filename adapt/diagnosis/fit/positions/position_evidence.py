@@ -1,4 +1,4 @@
-"""What measured positions say of the amplitudes: the constants of each person and what is smooth integrated out."""
+"""Log density of measured positions given the amplitudes: constants of persons and smooth curves are integrated out."""
 
 from collections.abc import Callable, Collection, Iterator
 from typing import NamedTuple
@@ -16,18 +16,19 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 def position_evidence(
     rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
 ) -> Evidence:
-    """Give log p(positions, z) of each shoulder in z = (h, b, a_s, 1): of all rows, or of those that are seen."""
+    """Compute log p(positions, z) of each shoulder, z = (h, b, a_s, 1), over all rows or where ``seen`` is True."""
     return position_grams(rows, shoulders, discrepancy.noise_deg, discrepancy.length_deg, seen).evidence(discrepancy)
 
 
 class Grams(NamedTuple):
-    """X' N^-1 X of shoulders, N the noise of their coordinates: all that does not go by the sizes of curves."""
+    """Gram matrices X' N^-1 X of shoulders, N the noise covariance of their coordinates: the parts that do not depend
+    on the sizes of curves."""
 
     of_shoulders: tuple["Gram", ...]
     amplitudes: int
 
     def evidence(self, discrepancy: Discrepancy) -> Evidence:
-        """Give log p(positions, z) of each shoulder in z = (h, b, a_s, 1)."""
+        """Compute log p(positions, z) of each shoulder, z = (h, b, a_s, 1)."""
         sizes = sizes_of_curves(discrepancy)
         matrices, constants = [], []
         for gram in self.of_shoulders:
@@ -44,23 +45,23 @@ class Grams(NamedTuple):
 
 
 class Gram(NamedTuple):
-    """That of one shoulder: of its constants and curves; what all have in common, and its curves; amplitudes and 1."""
+    """Gram matrix of one shoulder, of its constants and curves, common constants and curves, the amplitudes, and 1."""
 
     matrix: Float[np.ndarray, "z z"]
     size: Int[np.ndarray, " z"]
-    """Which of 1 and ``_SIZES`` each goes by."""
+    """Index of each column's scale in ``sizes_of_curves``."""
     of_person: int
-    """How many are the person's, the first."""
+    """Number of columns of the person, which come first."""
     log_determinant: float
-    """Of N."""
+    """Log determinant of N."""
 
 
 _SIZES = ("people", "own_mm", "own_turn_deg", "common_mm", "common_turn_deg")
-"""Of constants, and of curves."""
+"""Hyperparameters that scale the constants (``people``) and the curves (all others)."""
 
 
 def sizes_of_curves(discrepancy: Discrepancy) -> Float[np.ndarray, " sizes"]:
-    """Give 1 and ``_SIZES``."""
+    """Return 1 and the values of ``_SIZES``."""
     return np.array([1.0, *(getattr(discrepancy, name) for name in _SIZES)])
 
 
@@ -71,7 +72,7 @@ def position_grams(
     length_deg: float,
     seen: Bool[np.ndarray, " rows"] | None = None,
 ) -> Grams:
-    """Make all rows white, or those that are seen."""
+    """Compute the Gram matrices of all rows, or of those where ``seen`` is True."""
     every = grams_with(
         rows, shoulders, noise_deg, length_deg, seen, lambda own: np.zeros((*rows.values_mm[own].shape, 0))
     )
@@ -86,7 +87,8 @@ def grams_with(
     seen: Bool[np.ndarray, " rows"] | None,
     last: Callable[[Int[np.ndarray, " own"]], Float[np.ndarray, "own n more"]],
 ) -> Iterator[tuple[Int[np.ndarray, " own"], Gram]]:
-    """Give the rows of each shoulder that are seen, all by default, and their Gram, with more columns at last."""
+    """Yield the rows of each shoulder where ``seen`` is True (default: all), and their Gram, which ends with the
+    columns of ``last``."""
     seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
     common = common_position_curves(shoulders, length_deg)
     for subject in range(len(shoulders.subjects)):
@@ -103,7 +105,7 @@ def grams_with(
 def _of_curve(
     rows: PositionRows, own: Int[np.ndarray, " own"], curves: Float[np.ndarray, "own curves"]
 ) -> list[Float[np.ndarray, "own n k"]]:
-    """Lay out curves of every coordinate, and of every angle."""
+    """Lay out the curves of every coordinate, and of every angle."""
     n, count = rows.values_mm.shape[1], len(own)
     of_places = np.einsum("rk,nm->rnmk", curves, np.eye(n)).reshape(count, n, -1)
     of_turns = np.einsum("rk,rni->rnik", curves, rows.by_angle[own]).reshape(count, n, -1)
@@ -113,8 +115,10 @@ def _of_curve(
 def _white(
     rows: PositionRows, noise_deg: float, own: Int[np.ndarray, " own"], columns: Float[np.ndarray, "own n z"]
 ) -> tuple[Float[np.ndarray, "numbers z"], float]:
-    """Make the coordinates of each posture white, and give the log determinant of their noise; a cell that was not
-    measured is apart, with the variance 1."""
+    """Whiten the coordinates of each posture, and return the log determinant of their noise covariance.
+
+    A coordinate that was not measured is independent of the others, with the value 0 and the variance 1.
+    """
     known = rows.measured[own]
     by_angle = np.where(known[..., None], noise_deg * rows.by_angle[own], 0.0)
     covariance = by_angle @ np.swapaxes(by_angle, 1, 2)
@@ -126,30 +130,30 @@ def _white(
 
 
 def given_by_positions(positions: Evidence, candidates: Candidates, hypothesis: Hypothesis) -> Given:
-    """Give a set of causes by positions alone."""
+    """Return a set of causes in the model of the positions alone."""
     where = candidates.where(hypothesis)
     mean, scale = candidates.mean[where], candidates.scale[where]
     return positions.only(where).given(np.arange(len(where)), np.zeros(len(where)), mean, scale)
 
 
 class Shown(NamedTuple):
-    """The causes of a set that positions show, and what positions alone say of their amplitudes.
+    """Causes of a set that positions show, with their amplitudes by positions alone.
 
-    Angles show which constraint gives way, and bones of a person's own explain that as well as a joint that moves. So
-    what they say of a movement that was seen is cut off (Liu, Bayarri & Berger 2009, Bayesian Analysis 4:119-150,
-    modularization): its size is that of the positions.
+    Angles show which constraint is violated, and own bones explain a violation as well as a joint that moves. The
+    diagnosis therefore ignores the information of angles about a movement that was seen (modularization: Liu, Bayarri &
+    Berger 2009, Bayesian Analysis 4:119-150): the size is that of the positions.
     """
 
     names: Hypothesis
     where: Int[np.ndarray, " own"]
-    """Their amplitudes among those of the set."""
+    """Indices of their amplitudes among those of the set."""
     given: Given
 
 
 def shown_sizes(
     positions: Evidence | None, candidates: Candidates, hypothesis: Hypothesis, causes: Collection[str]
 ) -> Shown | None:
-    """Give the effects of a set whose cause positions show; None where there is none."""
+    """Return the effects of a set whose cause is in ``causes``, sized by positions; None where there are none."""
     names = tuple(name for name in hypothesis if candidates.causes[name] in causes)
     if positions is None or not names:
         return None

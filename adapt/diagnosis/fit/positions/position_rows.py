@@ -1,15 +1,16 @@
-"""Measured positions of landmarks as rows of the linear model: what joints and frames do along a motion, seen directly.
+"""Measured positions of landmarks as rows of the linear model: direct measurements of joints and frames in motion.
 
-A landmark m is seen from the next measured one that carries it, p (the thorax where none was): c = p_m - p_p, in the
-thorax frame, at the angles as they were measured. The closed chain is not in it:
+The position c = p_m - p_p of a landmark m is relative to the next measured landmark p that carries it (to the thorax
+where none was), in the thorax frame and at the angles as they were measured. The closed chain is not in this model:
 
     c = c_0 + A a_s + H x_s + curves + noise,    x_s = S u_s + C h,  h and u_s ~ N(0, 1)
 
-c_0 is that of the parameter set. A is the slope of c in all amplitudes. x_s are the constants of the person
-(``adapt.evaluation.person_constants``): the places of SC, AC, TS, AI and AA in their bones, S S' their covariance by a
-scale that is learnt (``Discrepancy.people``). What all persons have in common of them is a cause, a candidate
-(``_COMMON_OF``); h is of what no candidate changes, as AA, which no set has. The noise of a coordinate is that of a
-place, of two where a landmark is seen from another, and that of the measured angles by its lever.
+The parameter set gives c_0, and A is the derivative of c with respect to all amplitudes. The vector x_s has the
+constants of the person (``adapt.evaluation.person_constants``): the places of SC, AC, TS, AI and AA in their bones. Its
+covariance is S S' up to a scale that is learnt (``Discrepancy.people``). The part of a constant that all persons have
+in common is a cause where a candidate changes it (``_COMMON_OF``); C h has the common parts that no candidate changes,
+as of AA, which no parameter set has. The noise of a coordinate is that of one place, or of two where a landmark is
+relative to another, and that of the measured angles times their lever arms.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,27 +37,27 @@ from motions.rotations import DEG
 _OF_SCAPULA = ("TS", "AI", "AA")
 
 _CARRIERS: Mapping[str, tuple[str, ...]] = {"SC": (), "AC": ("SC",), **dict.fromkeys(_OF_SCAPULA, ("AC", "SC"))}
-"""The landmarks that carry each, the next one first."""
+"""Landmarks that carry each landmark, the next one first."""
 
 TURN_THE_SCAPULA_FRAME = ("skin_artefact", "scapula_landmark_bias")
-"""Causes that turn the measured frame of the scapula in the bone."""
+"""Causes that turn the measured frame of the scapula relative to the bone."""
 
 _STEP = 1e-3
-"""Of a strength (mm, deg) or an angle (deg), for central differences: their error is some 1e-7 of the slope."""
+"""Step of a strength (mm, deg) or an angle (deg) in central differences, whose error is some 1e-7 of the derivative."""
 
 _UNMEASURED_DEG = 20.0
-"""SD of an angle that was not measured about its mean at rest, over a motion (axial rotation of the clavicle, 17-35
-deg over elevation: Ludewig 2009, Matsuki 2014)."""
+"""SD of an unmeasured angle about its mean at rest, over a motion (axial rotation of the clavicle, 17-35 deg over
+elevation: Ludewig 2009, Matsuki 2014)."""
 
 _OPEN = 10.0
-"""Times the SD of a constant, that leaves it open."""
+"""Factor on the SD of a constant that leaves the constant free."""
 
 PALPATED_MM = 3.0
 """SD of a coordinate of a palpated landmark (de Groot 1997: 1-4 mm, one palpator)."""
 
 _AA = {"AA": np.array([[-5.0], [-25.0], [22.0]])}
-"""AA in the scapula, seen from AC, mm: the mean of bone pins (six shoulders of Moissenet 2023, to some 10 mm). What an
-effect does to it goes by it; where it is in a person is a constant."""
+"""Mean place of AA in the scapula relative to AC, mm, from bone pins (six shoulders of Moissenet 2023, to some 10 mm).
+Effects on AA are computed at this place; the place in a person is a constant of the person."""
 
 
 _COMMON_OF: Mapping[str, str] = {
@@ -70,40 +71,43 @@ _COMMON_OF: Mapping[str, str] = {
     "clavicle_frame": "clavicle_frame_bias",
     "scapula_frame": "scapula_landmark_bias",
 }
-"""By how the name of a person's size begins (``models.person.own_bones``), the cause that all have in common of it."""
+"""Cause that changes a size in all persons alike, by the beginning of the size's name (``models.person.own_bones``)."""
 
 
 @dataclass(frozen=True)
 class PositionRows:
-    """Measured coordinates; n of each posture."""
+    """Measured coordinates, n per posture."""
 
     values_mm: Float[np.ndarray, "rows n"]
-    """c_0 less what was measured; 0 where it was not."""
+    """Coordinates c_0 of the parameter set less the measured coordinates; 0 where not measured."""
     measured: Bool[np.ndarray, "rows n"]
     by_amplitude: Float[np.ndarray, "rows n amplitudes"]
     by_constant: Float[np.ndarray, "rows n constants"]
-    """H S."""
+    """Product H S."""
     by_common: Float[np.ndarray, "rows n common"]
-    """H C."""
+    """Product H C."""
     landmarks: tuple[str, ...]
-    """Those that were measured, three coordinates each; none where only what is ``beside_angles_of_them`` is left."""
+    """Measured landmarks, three coordinates each; empty after ``beside_angles_of_them``."""
     of_noise: Float[np.ndarray, "rows n n"]
-    """Covariance of the coordinates where each coordinate of a place has noise of SD 1: a place is in that of its
-    landmark, and in those of all that it carries."""
+    """Covariance of the coordinates if each coordinate of a place has noise of SD 1: the noise of a place is in the
+    coordinates of its landmark, and of all landmarks relative to it."""
     by_angle: Float[np.ndarray, "rows n 6"]
-    """What a degree of noise in each measured angle does, mm; an angle that was not measured has more."""
+    """Change of the coordinates, mm, per degree of noise in each measured angle, and per ``_UNMEASURED_DEG`` degrees in
+    each unmeasured angle."""
     noise_mm: float
     """SD of a coordinate of one place."""
     noise_in_y: Float[np.ndarray, "rows 3 6"] | None = None
-    """What a degree of noise in each measured angle does to y, where the positions share that noise."""
+    """Change of y per degree of noise in each measured angle; None where the positions do not share that noise."""
 
     def amplitudes(self, where: Int[np.ndarray, " own"]) -> "PositionRows":
-        """Take some of the amplitudes."""
+        """Select some of the amplitudes."""
         return replace(self, by_amplitude=self.by_amplitude[..., where])
 
     def carried(self, candidates: Candidates) -> "PositionRows":
-        """Take the landmarks of the scapula to go with the frame that was measured, as a cluster on the skin carries
-        them: what turns that frame in the bone does not show in them."""
+        """Let the landmarks of the scapula move with the measured frame, as a cluster on the skin carries them.
+
+        Causes that turn this frame relative to the bone then do not show in the landmarks.
+        """
         turning = [one.name for one in candidates.effects if one.cause in TURN_THE_SCAPULA_FRAME]
         of_scapula = np.repeat([name in _OF_SCAPULA for name in self.landmarks], 3)
         by_amplitude = self.by_amplitude.copy()
@@ -113,11 +117,10 @@ class PositionRows:
     def beside_angles_of_them(
         self, angles: Float[np.ndarray, "6 rows"], ac_is_on_the_bone: bool = True
     ) -> "PositionRows | None":
-        """Keep what is not in angles that were computed from these landmarks: how SC moves, and AC along the clavicle,
-        unless skin carried it.
+        """Keep the information that is not in angles computed from these landmarks.
 
-        Where they are in their bones is left open: that is in what landmarks say of sizes (``measured_sizes``). None
-        where SC was not measured.
+        The movement of SC remains, and the movement of AC along the clavicle unless skin carried AC. The places in the
+        bones are left free, because their information is in ``measured_sizes``. None where SC was not measured.
         """
         if "SC" not in self.landmarks:
             return None
@@ -158,7 +161,8 @@ def position_rows(
 def planned_rows(
     model: AnyModel, girdle: Girdle, candidates: Candidates, shoulders: Shoulders, landmarks: Sequence[str]
 ) -> PositionRows:
-    """Lay out positions that nobody has measured, to ``PALPATED_MM``: of what they would tell, whatever they are."""
+    """Lay out positions that are not measured yet, with the noise ``PALPATED_MM``, to find the information in them,
+    whatever their values."""
     nowhere = dict.fromkeys(landmarks, np.zeros((3, len(shoulders.subject))))
     return _laid_out(model, girdle, candidates, shoulders, PALPATED_MM, nowhere)
 
@@ -193,7 +197,7 @@ def _laid_out(
 
 
 def _are_candidates(candidates: Candidates, count: int) -> Bool[np.ndarray, " sizes"]:
-    """Tell which sizes of a person a candidate changes in all of them."""
+    """Mark the sizes of a person that a candidate changes in all persons alike."""
     tried = {candidates.causes[effect.name] for effect in candidates.effects if effect.course is CONSTANT}
     of_sizes = [any(name.startswith(start) and _COMMON_OF[start] in tried for start in _COMMON_OF) for name in NAMES]
     return np.array(of_sizes + [False] * (count - len(of_sizes)))
@@ -204,7 +208,7 @@ def _carrier(name: str, measured: Sequence[str] | Places) -> str | None:
 
 
 def _of_noise(names: Sequence[str]) -> Float[np.ndarray, "n n"]:
-    """Compute T T', T what each place does to the coordinates, which are seen from their carriers."""
+    """Compute T T' of all coordinates, where T maps places to places relative to their carriers."""
     T = np.eye(len(names))
     for name in names:
         carrier = _carrier(name, names)
@@ -214,7 +218,7 @@ def _of_noise(names: Sequence[str]) -> Float[np.ndarray, "n n"]:
 
 
 def _from_carriers(places: Places) -> dict[str, Float[np.ndarray, "3 *any"]]:
-    """Subtract from each landmark the one that carries it."""
+    """Subtract from each landmark the landmark that carries it."""
     found = {}
     for name, place in places.items():
         carrier = _carrier(name, places)
@@ -224,7 +228,7 @@ def _from_carriers(places: Places) -> dict[str, Float[np.ndarray, "3 *any"]]:
 
 @dataclass(frozen=True)
 class Seen:
-    """Some landmarks of girdles at their postures, each seen from the next one that carries it."""
+    """Some landmarks of girdles at their postures, each relative to the next one that carries it."""
 
     names: tuple[str, ...]
     girdle: Girdle
@@ -232,19 +236,19 @@ class Seen:
     def from_carriers(
         self, angles: Float[np.ndarray, "6 rows"], active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
     ) -> Float[np.ndarray, "rows n"]:
-        """Compute c of the parameter set, with AA where it is on average."""
+        """Compute c of the parameter set, with AA at its mean place."""
         found = positions_mm(bone_poses(active_effects.on(self.girdle), angles), _AA)
         return np.concatenate([one.T for one in _from_carriers({name: found[name] for name in self.names}).values()], 1)
 
     def by_constant(self, poses: BonePoses) -> Float[np.ndarray, "rows n constants"]:
-        """Compute H."""
+        """Compute H, the derivatives of c with respect to the constants."""
         every = _from_carriers({name: place_slopes(poses, name) for name in self.names})
         return np.moveaxis(np.concatenate(list(every.values())), -1, 0)
 
     def by_channel(
         self, effects: Sequence[Effect], angles: Float[np.ndarray, "6 rows"]
     ) -> Float[np.ndarray, "rows n channels"]:
-        """Compute the slopes in the strength of every channel of every effect, where none is active."""
+        """Compute the derivatives with respect to the strength of every channel of every effect, at strength 0."""
         found = []
         for effect in effects:
             if not effect.moves_landmarks:
@@ -262,7 +266,7 @@ class Seen:
     def by_angle(
         self, angles: Float[np.ndarray, "6 rows"], measured: Bool[np.ndarray, "6 rows"]
     ) -> Float[np.ndarray, "rows n 6"]:
-        """Compute the slopes in a degree of noise in every measured angle."""
+        """Compute the derivatives per degree of noise in a measured angle, and per ``_UNMEASURED_DEG`` in another."""
         found = []
         for known, step in zip(measured, _STEP / DEG * np.eye(6), strict=True):
             there, back = (self.from_carriers(angles + one[:, None]) for one in (step, -step))

@@ -1,13 +1,14 @@
-"""What measured positions show of the noise of the angles: the nearest posture is nearest in all that was measured.
+"""Noise of the angles that measured positions show: the nearest posture is then nearest to all measurements.
 
-Landmarks are compared with the girdle at the angles as they were measured (``fit.positions.position_rows``). So noise
-of the angles is in them, H e, as it is in y, B e. With C the covariance of the coordinates of a shoulder, what its
-constants and curves do within it, the part of y that they do not show is
+Landmarks are compared with the girdle at the angles as they were measured (``fit.positions.position_rows``). The noise
+e of the angles is therefore in the coordinates (H e) as well as in y (B e). Let C be the covariance of the coordinates
+of a shoulder, constants and curves included. With c = ``PositionRows.values_mm`` the part of y that the coordinates do
+not show is
 
     y - K (c + A a_s),   K = cov(B e, H e) C^-1,   of the covariance cov(y) - K cov(H e, B e)
 
-independent of them: log p(y, positions) = log p(y | positions) + log p(positions). What all shoulders have in common of
-the coordinates is here taken for each shoulder's own.
+It is independent of the coordinates: log p(y, positions) = log p(y | positions) + log p(positions). The part of the
+coordinates that all shoulders have in common is taken for each shoulder's own here.
 """
 
 from typing import NamedTuple
@@ -23,22 +24,22 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 
 
 class ShownNoise(NamedTuple):
-    """What makes y independent of the positions."""
+    """Terms that make y independent of the positions."""
 
     added: Float[np.ndarray, "rows 3 amplitudes+1"]
-    """To y: of every amplitude, and without any."""
+    """Terms added to y: one per amplitude, and a constant at the end."""
     known: tuple[Float[np.ndarray, "3*own 3*own"], ...]
-    """What goes from the covariance of y of each shoulder; all rows of one constraint, then of the next."""
+    """Covariance subtracted from that of y of each shoulder; all rows of one constraint, then of the next."""
 
     def of(self, where: Int[np.ndarray, " own"]) -> Float[np.ndarray, "rows 3 own+1"]:
-        """Take what is added of some amplitudes, and without any."""
+        """Select the terms of some amplitudes, and the constant."""
         return self.added[..., np.append(where, -1)]
 
 
 def shown_noise(
     rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
 ) -> ShownNoise | None:
-    """Compute what positions show, of all rows or of those that are seen; None where angles share no noise with it."""
+    """Compute ``ShownNoise`` of all rows or where ``seen`` is True; None where the positions share no noise with y."""
     if rows.noise_in_y is None:
         return None
     noise_deg, sizes = discrepancy.noise_deg, sizes_of_curves(discrepancy)

@@ -78,9 +78,9 @@ def core_seconds(run: Callable[[], object]) -> float:
 def _ns_an_operation(kernel: Kernel) -> float:
     """Nanoseconds that a core takes for an operation on a register of eight numbers."""
     x = np.ones(64 * 8 * _cores())
-    kernel.by_machine(x)
+    kernel.native(x)
     registers = len(x) / 8 / _cores() * _CHAINS * _LINKS * _ROUNDS
-    return core_seconds(lambda: kernel.by_machine(x)) / registers * 1e9
+    return core_seconds(lambda: kernel.native(x)) / registers * 1e9
 
 
 def peak_gflops() -> float:
@@ -103,16 +103,16 @@ def cache_gb_s(kib: int) -> float:
     places = kib * 1024 // (REGISTER_BYTES * _CACHE_ROWS)
     blocks = 16 * _cores()
     x = np.ones((places, 8 * blocks))
-    CACHE.by_machine(x)
+    CACHE.native(x)
     read = REGISTER_BYTES * _CACHE_ROWS * places * _CACHE_ROUNDS * blocks
-    return read / core_seconds(lambda: CACHE.by_machine(x)) / 1e9
+    return read / core_seconds(lambda: CACHE.native(x)) / 1e9
 
 
 def memory_gb_s() -> float:
     """Read by all cores from an array of half a GiB, which lies as the kernels' arrays do."""
     x = np.ones((_STREAM_PLACES, 2**26 // _STREAM_PLACES))
-    STREAM.by_machine(x)
-    return x.nbytes / core_seconds(lambda: STREAM.by_machine(x)) / 1e9
+    STREAM.native(x)
+    return x.nbytes / core_seconds(lambda: STREAM.native(x)) / 1e9
 
 
 def _cores() -> int:
