@@ -1,4 +1,4 @@
-"""`girdle adapt` over all motion files (*.csv) of a folder: the same tables, files and exit statuses."""
+"""Run `girdle adapt` on all motion files (*.csv) of a folder, with the same tables, files and exit statuses."""
 
 import sys
 from pathlib import Path

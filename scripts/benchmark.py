@@ -1,6 +1,6 @@
-"""The fits beside solvers that others wrote, and where they stand to the machine: the command of `make speed`.
+"""Compare the speed of the fits with other solvers and with the peak performance of the machine (`make speed`).
 
-``scripts/research/speed/side_by_side.py`` measures, and says what is compared and why it is fair.
+``scripts/research/speed/side_by_side.py`` measures, and explains what is compared and why the comparison is fair.
 """
 
 import json
@@ -22,7 +22,7 @@ def benchmark(
     largest: Annotated[int, typer.Option(help="Largest number of subjects of the scaling.")] = 8000,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object instead of lines.")] = False,
 ) -> None:
-    """Measure and compare."""
+    """Measure the speed of the fits and of the other solvers, and compare."""
     result = side_by_side(model, subjects, peers, repeats, largest)
     if as_json:
         print(json.dumps(result, indent=2))

@@ -1,4 +1,4 @@
-"""Write the shipped parameter sets, models/*.toml, from the printed numbers."""
+"""Write the shipped parameter sets, models/sets/*.toml, from the printed numbers."""
 
 import typer
 
@@ -7,7 +7,7 @@ from scripts.completion import write_sets
 
 
 def main() -> None:
-    """Write the shipped parameter sets anew, from the printed numbers and the rules that complete them."""
+    """Write the shipped parameter sets from the printed numbers and the rules that complete them."""
     write_sets(FOLDER)
 
 

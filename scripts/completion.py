@@ -1,9 +1,9 @@
-"""The shipped parameter sets, completed from what is in print: numbers of a table, derived or assumed.
+"""The shipped parameter sets, completed: each number is from a published table, derived or assumed.
 
 The thesis prints ellipsoid, clavicle, conoid length and scapula of R2, R4 and R6 (Tables 3.2, 3.3), and
 landmarks and ellipsoid of one cadaver, dissected and in MRI (Tables 4.2, 4.5). The same cadaver is in DAS3,
-with the conoid's attachments. What is missing is placed by one ``Rule``; scripts/research/thesis/study_completion.py
-compares rules on measured shoulders. In mm.
+with the conoid's attachments. One ``Rule`` sets the missing numbers; scripts/research/thesis/study_completion.py
+compares rules on measured shoulders. Lengths are in mm.
 """
 
 import os
@@ -35,19 +35,19 @@ Vector = Float[np.ndarray, "3"]
 Posture = Float[np.ndarray, "6"]
 
 DIGITS = 6
-"""Decimals of a derived number, in mm and degrees: closes A1-A3 to 1e-6 mm, far below any measurement."""
+"""Decimals of a derived number, in mm and degrees. A1-A3 then close to 1e-6 mm, far below any error of measurement."""
 
 POSTURE_DIGITS = 2
-"""Decimals of a rest posture that was searched for, in degrees: those of the published one."""
+"""Decimals of a rest posture that was searched for, in degrees: as many as the published posture has."""
 
 POINT_DIGITS = 9
-"""Decimals of a thorax point, so that it is on the ellipsoid and the geometric fit starts at D = 0."""
+"""Decimals of a thorax point: enough for the point to be on the ellipsoid and the geometric fit to start at D = 0."""
 
 POINT_AZIMUTHS_DEG = (-40.0, 10.0, 45.0)
-"""From lateral toward backward: origins of the serratus, where it wraps, under the scapula (thesis 6.2.6)."""
+"""Azimuths from lateral toward backward: serratus origins, serratus wrap, under the scapula (thesis 6.2.6)."""
 
 POINT_HEIGHTS_MM = tuple(np.linspace(-20.0, -200.0, 8))
-"""Thorax y of the points of each column: about the ribs 1-9."""
+"""Thorax y of the points of each column: approximately the heights of ribs 1-9."""
 
 _Y_THORAX = np.array([0.0, 1.0, 0.0])
 
@@ -57,7 +57,7 @@ Licence of these numbers: none is known. dasproject/DAS3 has no licence file, it
 two of its authors publish the converted model under MIT. No Apache licence was found. See NOTICE and docs/release.md.\
 """
 _CADAVER, _LANDMARKS = (published_lines()[part] for part in ("cadaver", "das3"))
-"""The cadaver of Table 4.2, dissection, thorax frame; and its landmarks that DAS3's frames are made of."""
+"""The cadaver of Table 4.2 (dissection, thorax frame), and its landmarks that define the frames of DAS3."""
 _DAS3_CLAVICLE_CONOID = np.array([136.5, 20.6, 13.6])
 _DAS3_SCAPULA_CONOID = np.array([-53.6, -0.9, -26.6])
 _DAS3_CONOID_LENGTH = 17.4
@@ -65,7 +65,7 @@ _DAS3_CONTACTS = (np.array([-127.4, -22.8, -34.6]), np.array([-125.7, -122.3, -2
 
 _DSEM = "the input file of the Delft shoulder and elbow model for the cadaver, as public code for DAS3 quotes it"
 AC_JOINT_MM = np.array([176.6, 14.3, 73.1])
-"""The cadaver's AC joint, from the same file."""
+"""AC joint of the cadaver, from the same input file."""
 
 _DISSECTION = {name: np.array(_CADAVER[f"{name.lower()}_mm"]) for name in ("SC", "AC", "TS", "AI")}
 _MRI = {
@@ -74,10 +74,13 @@ _MRI = {
     "TS": np.array([67.5, 33.6, 151.0]),
     "AI": np.array([98.7, -85.1, 152.5]),
 }
-"""Table 4.2: skeletal points in the thorax frame; SC is its SC-J."""
+"""Skeletal points of Table 4.2 in the thorax frame; "SC" is the table's SC-J."""
 
 LEAST_DISTANCES_MM = (0.1, 0.1)
-"""TS and AI are not inside the thorax: Eq. 6.2 has a distance. A tenth covers the rounding of the posture."""
+"""Least distances of TS and AI to the ellipsoid: Eq. 6.2 has a distance, so neither may be inside the thorax.
+
+A tenth of a mm covers the rounding of the posture.
+"""
 
 _POINTS_SOURCE = (
     "assumed: on the ellipsoid where the thesis says points were palpated (6.2.6), right side: columns at "
@@ -89,10 +92,11 @@ _POINTS_SOURCE = (
 
 
 def das3_conoid_mm() -> tuple[Vector, Vector]:
-    """DAS3's attachments on clavicle and scapula in the thorax frame, in the posture the cadaver was measured in.
+    """Return DAS3's conoid attachments on clavicle and scapula, in the thorax frame, in the cadaver's measured posture.
 
-    Each in its own frame: the clavicle's from DAS3's SC, the scapula's from the AC joint, in axes of TS, AI and AA.
-    So the attachments are 19.3 mm apart, and the conoid is 17.4; from AA, where DAS3 has its scapula, they are 46.4.
+    Each attachment is taken in its own DAS3 frame: the clavicle's from DAS3's SC, the scapula's from the AC joint with
+    axes through TS, AI and AA. The attachments are then 19.3 mm apart, and the conoid length is 17.4 mm. With AA as the
+    scapula's origin, where DAS3 has it, they would be 46.4 mm apart.
     """
     scapula = scapula_in_thorax(_LANDMARKS, "aa")._replace(origin_mm=AC_JOINT_MM)
     return _outward(clavicle_in_thorax(_LANDMARKS, "joint_sc"), _DAS3_CLAVICLE_CONOID), _outward(
@@ -109,7 +113,7 @@ def _inward(pose: Pose, point_mm: Vector) -> Vector:
 
 
 def attachment_shares() -> tuple[Vector, Vector]:
-    """DAS3's attachments in the frames of Appendix A: on the clavicle over |AC-SC|, on the scapula over |AC-TS|."""
+    """Return DAS3's attachments in the frames of Appendix A, divided by |AC-SC| (clavicle) and |AC-TS| (scapula)."""
     SC, AC, TS, _ = _DISSECTION.values()
     on_clavicle, on_scapula = das3_conoid_mm()
     in_clavicle = _inward(clavicle_in_thorax(_CADAVER), on_clavicle)
@@ -119,19 +123,20 @@ def attachment_shares() -> tuple[Vector, Vector]:
 
 @dataclass(frozen=True)
 class Rule:
-    """How what is not printed of R2, R4 and R6 is placed. By default as shipped; the study varies it."""
+    """Rule for the unpublished numbers of R2, R4 and R6. The default values are as shipped; the study varies them."""
 
     sc_mm: Sequence[float] = tuple(_DISSECTION["SC"])
     least_mm: tuple[float, float] | None = LEAST_DISTANCES_MM
-    """Least distances of TS and AI to the ellipsoid, outside positive. The set rests in the posture closest to the mean
-    one (sum of the six squared angles) that keeps them. None: it rests in the mean one, whatever they are there."""
+    """Least distances of TS and AI to the ellipsoid, outside positive. The rest posture is then the one closest to the
+    mean posture (sum of the six squared angles) that keeps them. None: the rest posture is the mean posture, whatever
+    the distances are there."""
     on_clavicle: Sequence[float] = tuple(attachment_shares()[0])
-    """The attachment, clavicle frame, over the length of the clavicle."""
+    """Clavicular attachment in the clavicle frame, divided by the length of the clavicle."""
     hangs: bool = True
-    """At rest the conoid hangs straight down from the clavicle (thorax -y); else it has the direction from DAS3's
-    clavicular to its scapular attachment."""
+    """True where the conoid hangs straight down from the clavicle (thorax -y) at rest; else its direction is the one
+    from DAS3's clavicular attachment to the scapular one."""
     forward_deg: float = 0.0
-    """It is then turned about the clavicle's axis, its lower end forward."""
+    """Angle by which the conoid is then turned about the clavicle's axis, its lower end forward."""
 
 
 SHIPPED = Rule()
@@ -139,24 +144,24 @@ SHIPPED = Rule()
 
 @dataclass(frozen=True)
 class Completed:
-    """A complete set, ready to be written."""
+    """A complete parameter set, ready to be written."""
 
     name: str
     title: str
     girdle: Girdle
     rest_deg: Posture
-    """The rest posture: clavicle (y, z, x), scapula (y, z, x)."""
+    """Rest posture: clavicle (y, z, x), scapula (y, z, x)."""
     source: dict[str, str]
 
 
 def completed_sets() -> tuple[Completed, ...]:
-    """All shipped sets, from the printed numbers alone."""
+    """Complete all shipped sets from the printed numbers."""
     dissection = _dissection_set()
     return (*table_sets(SHIPPED), dissection, _mri_set(dissection.girdle), _das3_set())
 
 
 def table_sets(rule: Rule) -> tuple[Completed, ...]:
-    """R2, R4 and R6 by one rule."""
+    """Complete R2, R4 and R6 by one rule."""
     corrected = "Table 3.2, as corrected by the thesis: with the original 8.2 mm R4 cannot reach all postures (3.3.1)"
     table = "Table 3.2"
     return (
@@ -173,7 +178,7 @@ def write_sets(folder: str | os.PathLike[str]) -> None:
 
 
 def thorax_points_mm(centre_mm: Float[Array, " 3"], semi_axes_mm: Float[Array, " 3"]) -> Float[np.ndarray, "3 points"]:
-    """Points of the ellipsoid in columns of equal azimuth (of the parameter, not the normal)."""
+    """Compute points of the ellipsoid in columns of equal azimuth (of the parameter, not of the normal)."""
     (_, M_y, M_z), (A_x, A_y, A_z) = np.asarray(centre_mm), np.asarray(semi_axes_mm)
     azimuth, y = (grid.ravel() for grid in np.meshgrid(np.radians(POINT_AZIMUTHS_DEG), POINT_HEIGHTS_MM))
     width = np.sqrt(1.0 - ((y - M_y) / A_y) ** 2)
@@ -181,9 +186,9 @@ def thorax_points_mm(centre_mm: Float[Array, " 3"], semi_axes_mm: Float[Array, "
 
 
 def own_rest_deg(girdle: Girdle, least_mm: tuple[float, float]) -> Posture:
-    """The posture closest to the mean one, in the sum of the six squared angles, where TS and AI are this far off.
+    """Find the rest posture: the one closest to the mean posture that keeps TS and AI at least this far off the thorax.
 
-    ValueError if there is none.
+    The distance between postures is the sum of the six squared angle differences. ValueError if no posture does.
     """
     least = replace(girdle, ts_distance_mm=jnp.asarray(least_mm[0]), ai_distance_mm=jnp.asarray(least_mm[1]))
     found = minimize(
@@ -200,9 +205,10 @@ def own_rest_deg(girdle: Girdle, least_mm: tuple[float, float]) -> Posture:
 
 
 def scapular_attachment_mm(girdle: Girdle, rest_deg: Posture, rule: Rule = SHIPPED) -> Vector:
-    """The attachment, scapula frame, that gives the conoid its length and the rule's direction d in the rest posture.
+    """Compute the scapular attachment that gives the conoid its length and the rule's direction d at rest.
 
-    With u from the clavicular attachment to AC, thorax frame: R_scapula_thorax (length d - u).
+    With u from the clavicular attachment to AC in the thorax frame, the attachment in the scapula frame is
+    R_scapula_thorax (length d - u).
     """
     R_thorax_clavicle, R_thorax_scapula = (np.asarray(R) for R in bone_rotations(jnp.asarray(rest_deg) / DEG))
     u = R_thorax_clavicle @ np.asarray(girdle.ac_mm - girdle.clavicle_conoid_mm)
@@ -214,9 +220,9 @@ def scapular_attachment_mm(girdle: Girdle, rest_deg: Posture, rule: Rule = SHIPP
 
 
 def close_at_rest(girdle: Girdle, rest_deg: Posture, rule: Rule = SHIPPED) -> Girdle:
-    """The girdle with its scapular attachment, const1 and const2 such that A1-A3 hold in the rest posture.
+    """Set the scapular attachment, const1 and const2 of a girdle so that A1-A3 hold in the rest posture.
 
-    The constants are of the printed digits, and const1 and const2 are taken from the printed attachment.
+    All are rounded to the printed digits; const1 and const2 follow from the rounded attachment.
     """
     open_at_rest = replace(girdle, ts_distance_mm=jnp.zeros(()), ai_distance_mm=jnp.zeros(()))
     distances = _printed(_residuals_mm(open_at_rest, rest_deg))
@@ -233,7 +239,7 @@ def _residuals_mm(girdle: Girdle, angles_deg: Posture) -> Vector:
 
 
 def toml_text(completed: Completed) -> str:
-    """The file of a set, in printed digits."""
+    """Write a set as the text of its file, with the printed digits."""
     g = completed.girdle
     comment = (
         f"{completed.title}\n"
@@ -252,8 +258,8 @@ def _table_set(
     conoid: tuple[float, str],
     rule: Rule,
 ) -> Completed:
-    """R2, R4 or R6. centre_mm: M_y and M_z; scapula: |AC-TS| and |AI-TS| in mm and the angle AC-TS-AI in degrees
-    (Table 3.2); conoid: its length and where that comes from."""
+    """Complete R2, R4 or R6. centre_mm: M_y and M_z; scapula: |AC-TS| and |AI-TS| in mm and the angle AC-TS-AI in
+    degrees (Table 3.2); conoid: its length and the source of the length."""
     ac_ts, ai_ts, angle_deg = scapula
     angle = np.radians(angle_deg)
     ts = np.array([-ac_ts, 0.0, 0.0])
@@ -282,9 +288,9 @@ def _table_set(
 def _cadaver(
     points_mm: Mapping[str, Vector], centre_mm: Sequence[float], semi_axes_mm: Sequence[float], on_clavicle: Vector
 ) -> tuple[Girdle, Posture]:
-    """The cadaver of Tables 4.2 and 4.5, not closed, and the posture that it was measured in.
+    """Return the cadaver of Tables 4.2 and 4.5 before its chain is closed, and its measured posture.
 
-    on_clavicle: the attachment over the length of the clavicle.
+    on_clavicle: the clavicular attachment divided by the length of the clavicle.
     """
     SC, AC, TS, AI = points_mm.values()
     R_thorax_scapula = scapula_frame(AC, TS, AI)
@@ -296,7 +302,7 @@ def _cadaver(
 
 
 def _dissection_set() -> Completed:
-    """At rest where the cadaver was measured, upright."""
+    """Complete the dissected cadaver, which rests in its measured posture, upright."""
     ellipsoid = _CADAVER["centre_mm"], _CADAVER["semi_axes_mm"]
     girdle, rest_deg = _cadaver(_DISSECTION, *ellipsoid, np.asarray(SHIPPED.on_clavicle))
     source = _cadaver_sources("dissection", rest_deg)
@@ -305,7 +311,7 @@ def _dissection_set() -> Completed:
 
 
 def _mri_set(dissection: Girdle) -> Completed:
-    """The same cadaver on its back, with the attachments of the dissection: the conoid is slack there."""
+    """Complete the same cadaver on its back, with the attachments of the dissection; its conoid is slack there."""
     girdle, rest_deg = _cadaver(_MRI, (0.0, -107.6, 62.9), (137.5, 157.8, 94.6), np.asarray(SHIPPED.on_clavicle))
     scale = float(np.linalg.norm(np.asarray(girdle.ts_mm)) / np.linalg.norm(np.asarray(dissection.ts_mm)))
     on_scapula = _printed(np.asarray(dissection.scapula_conoid_mm) * scale)
@@ -322,7 +328,7 @@ def _mri_set(dissection: Girdle) -> Completed:
 
 
 def _das3_set() -> Completed:
-    """The published DAS3 numbers, each taken from its own frame into those of Appendix A. Closed to 2 mm."""
+    """Convert the published DAS3 numbers from their own frames into those of Appendix A. The chain closes to 2 mm."""
     SC, AC, TS, AI = np.array(_LANDMARKS["joint_sc_mm"]), *list(_DISSECTION.values())[1:]
     R_thorax_clavicle, R_thorax_scapula = clavicle_frame(SC, AC, _Y_THORAX), scapula_frame(AC, TS, AI)
     on_clavicle, on_scapula = das3_conoid_mm()
@@ -379,7 +385,7 @@ def _unclosed(
     ai_mm: Vector,
     conoid_mm: float,
 ) -> Girdle:
-    """The girdle in printed digits, its scapular attachment, const1 and const2 still 0."""
+    """Make the girdle in printed digits; its scapular attachment, const1 and const2 are still 0."""
     return Girdle(
         centre_mm=jnp.asarray(_printed(centre_mm)),
         semi_axes_mm=jnp.asarray(_printed(semi_axes_mm)),
@@ -411,7 +417,7 @@ def _cadaver_sources(column: str, rest_deg: Posture) -> dict[str, str]:
 
 
 def _measured_sources(ellipsoid: str, at_rest: str) -> dict[str, str]:
-    """What the sets of the thesis have in common."""
+    """Return the sources that the sets of the thesis have in common."""
     return {
         "thorax.centre_mm": ellipsoid,
         "thorax.semi_axes_mm": ellipsoid,
@@ -434,5 +440,5 @@ def _unit(v: Vector) -> Vector:
 
 
 def _printed(value: object) -> np.ndarray:
-    """Rounded to the digits of the file, without negative zeros."""
+    """Round to the digits of the file, without negative zeros."""
     return np.round(np.asarray(value, dtype=float), DIGITS) + 0.0

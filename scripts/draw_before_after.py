@@ -1,12 +1,12 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportReturnType=false
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""One subject before and after adaptation, drawn from the fits.csv that `girdle adapt` writes.
+"""Draw one subject before and after adaptation from the fits.csv that `girdle adapt` writes.
 
-Six panels, scapula above clavicle, over humerus elevation: measured angles as dots, simulated ones as a dashed line
-before adaptation and a solid line after it. All panels span the same number of degrees, so gaps compare across them.
-Where a summary.csv stands beside the table, the gap of each bone on the motion, held out from the adaptation, stands
-beside that of its angles. The same tables give the same bytes.
+Six panels, scapula above clavicle, over humerus elevation: measured angles as dots, simulated angles as a dashed line
+before adaptation and a solid line after it. All panels span the same number of degrees, so that gaps compare across
+panels. Where a summary.csv is beside the table, the held-out gap of each bone on the motion is printed too. The same
+tables give the same bytes.
 
     python scripts/draw_before_after.py results/fits.csv --subject NAME --model R2 --out before_after.svg
 """
@@ -39,26 +39,26 @@ PANELS = {
     "clavicle_z": "Elevation",
     "clavicle_x": "Axial rotation (+ back)",
 }
-"""The angles in reading order, each named by the direction in which it grows."""
+"""The angles in reading order, each named by its positive direction."""
 
 BONES = ("scapula", "clavicle")
-"""One a row."""
+"""Bones, one per row of panels."""
 
 BEFORE = {"color": ORANGE, "linestyle": (0, (4, 2)), "label": "simulated, before adaptation"}
 AFTER = {"color": BLUE, "linestyle": "-", "label": "simulated, after adaptation"}
 MEASURED = {"color": "black", "linestyle": "none", "marker": "o", "markersize": 3.5, "label": "measured"}
-"""Told apart by line style too."""
+"""Styles of the three curves, which differ in line style as well as in colour."""
 
 TICK_DEG = 10
 ELEVATION_TICK_DEG = 30
 MARGIN_DEG = 2.0
-"""Room above and below the curves."""
+"""Margin above and below the curves."""
 
 app = typer.Typer(add_completion=False)
 
 
 def chosen(fits: pd.DataFrame, column: str, wanted: str | None, file: str) -> pd.DataFrame:
-    """The rows with this name, the first one of the table if none is wanted."""
+    """Select the rows with this name, or with the first name of the table if ``wanted`` is None."""
     known = list(dict.fromkeys(fits[column]))
     if wanted is not None and wanted not in known:
         raise InputError(file, None, f"there is no {column} '{wanted}'", f"Use one of {', '.join(known)}")
@@ -66,7 +66,7 @@ def chosen(fits: pd.DataFrame, column: str, wanted: str | None, file: str) -> pd
 
 
 def held_out_deg(summary: Path, model: str, subject: str, motion: str) -> dict[str, float]:
-    """The gap of each bone on the motion held out, as far as the summary has it."""
+    """Read the held-out gap of each bone on the motion, as far as the summary has it."""
     if not summary.exists():
         return {}
     table = read_table(summary, (*NAMES, "adapted", *HELD_OUT.values()))
@@ -77,7 +77,7 @@ def held_out_deg(summary: Path, model: str, subject: str, motion: str) -> dict[s
 
 
 def draw_panel(axes: Axes, rows: pd.DataFrame, angle: str) -> None:
-    """One angle; beside its name stands the mean |simulated - measured|, before and after. Failed fits leave a hole."""
+    """Draw one angle with its mean |simulated - measured| before and after. Failed fits leave a gap in the line."""
     rows = rows.sort_values("posture")
     elevation, measured = rows["humerus_elevation_deg"], rows[f"{angle}_measured_deg"]
     simulated = rows[f"{angle}_simulated_deg"].where(rows["status"] == status.OK)
@@ -105,7 +105,7 @@ def share_span(panels: list[Axes]) -> None:
 
 
 def draw(rows: pd.DataFrame, title: str, gap_held_out_deg: Mapping[str, float]) -> Figure:
-    """The figure of one subject, model and motion, in the current style; with the gap held out, by bone."""
+    """Draw the figure of one subject, model and motion in the current style, with the held-out gap of each bone."""
     figure = Figure(figsize=(8.0, 5.4), layout="constrained")
     grid = figure.subplots(2, 3, sharex=True)
     panels = list(grid.flat)
@@ -117,7 +117,7 @@ def draw(rows: pd.DataFrame, title: str, gap_held_out_deg: Mapping[str, float]) 
     for axes in grid[-1]:
         axes.set_xlabel("humerus elevation, degrees")
         axes.xaxis.set_major_locator(MultipleLocator(ELEVATION_TICK_DEG))
-    figure.suptitle(f"{title}\n", x=0.01, ha="left", fontsize=10.0)  # a line for the note
+    figure.suptitle(f"{title}\n", x=0.01, ha="left", fontsize=10.0)  # the second line is for the note
     held_out = ", ".join(f"{bone} {gap:.1f}°" for bone, gap in gap_held_out_deg.items())
     note = "grey: mean |simulated − measured|, before → after" + (f"; held out: {held_out}" if held_out else "")
     figure.text(0.01, 0.95, note, ha="left", va="top", **NOTE)

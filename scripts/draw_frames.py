@@ -1,7 +1,7 @@
-"""The frames of the bones and the sign of every angle, drawn from a parameter set: docs/frames.svg, docs/signs.svg.
+"""Draw the frames of the bones and the sign of every angle from a parameter set: docs/frames.svg and docs/signs.svg.
 
-Simulated: a parameter set in the rest posture, not a person. In docs/signs.svg each angle alone grows by 15 degrees, so
-the chain does not stay closed there. The same set gives the same bytes.
+The figures show a parameter set in the rest posture, not a person. In docs/signs.svg each angle alone grows by 15
+degrees, so the chain does not stay closed there. The same set gives the same bytes.
 
     python scripts/draw_frames.py
 """
@@ -28,7 +28,7 @@ from scripts.rooms import ROOT
 
 MODEL = "R2"
 TURN_DEG = 15.0
-"""Large enough to see, small enough for a shoulder."""
+"""Change of each angle: large enough to see, small enough for a shoulder."""
 
 AXIS_MM = 45.0
 """Length of a drawn axis."""
@@ -41,10 +41,10 @@ class View(NamedTuple):
     across: tuple[float, float, float]
     up: tuple[float, float, float]
     sides: tuple[str, str]
-    """What lies left and right in the picture."""
+    """Directions at the left and right edge of the picture."""
 
     def of(self, points_mm: Float[np.ndarray, "3 ..."]) -> Float[np.ndarray, "2 ..."]:
-        """Project positions in the thorax frame, mm, on the picture, mm."""
+        """Project positions in the thorax frame onto the picture, both in mm."""
         return np.tensordot(np.array([self.across, self.up]), points_mm, axes=1)
 
 
@@ -60,11 +60,11 @@ SIGNS = {
     "scapula_z": ("+ lateral rotation: AI goes outward", (BEHIND, RIGHT)),
     "scapula_x": ("+ backward tipping: AI goes forward", (RIGHT, BEHIND)),
 }
-"""What each angle does when it grows, and the two views that show it best."""
+"""Effect of a growing angle, and the two views that show the effect best."""
 
 POINTS = {"clavicle": ("SC", "AC"), "scapula": ("AC", "TS", "AI")}
 FRAMES = {"thorax": ("IJ", "black"), "clavicle": ("SC", ORANGE), "scapula": ("AC", BLUE)}
-"""Where each frame has its origin, and its colour."""
+"""Origin and colour of each frame."""
 
 BEFORE, AFTER = {"color": "0.6"}, {"color": BLUE}
 
@@ -72,7 +72,7 @@ app = typer.Typer(add_completion=False)
 
 
 class Pose(NamedTuple):
-    """A girdle in one posture, mm, thorax frame: points by name, and the frame of each bone as columns."""
+    """A girdle in one posture (mm, thorax frame): points by name, and the frame of each bone as columns."""
 
     points: dict[str, Float[np.ndarray, "3"]]
     frames: dict[str, Float[np.ndarray, "3 3"]]
@@ -89,12 +89,12 @@ def pose(girdle: Girdle, angles_deg: Float[np.ndarray, "6"]) -> Pose:
 
 
 def turned_deg(angle: str) -> Float[np.ndarray, "6"]:
-    """Return the rest posture with this angle ``TURN_DEG`` larger."""
+    """Return the rest posture with this angle increased by ``TURN_DEG``."""
     return REST_DEG + TURN_DEG * np.equal(ANGLES, angle)
 
 
 def draw_signs(girdle: Girdle) -> Figure:
-    """Draw every angle before and after it grew, in two views each."""
+    """Draw every angle before and after its increase, in two views each."""
     figure = Figure(figsize=(9.6, 8.6), layout="constrained")
     panels: Any = figure.subfigures(3, 2)
     for panel, (angle, (words, views)) in zip(panels.T.flat, SIGNS.items(), strict=True):
@@ -130,7 +130,7 @@ def draw_frames(girdle: Girdle) -> Figure:
 
 
 def _surroundings(axes: Axes, girdle: Girdle, view: View) -> None:
-    """The thorax's outline: that of an ellipsoid along the axes is the ellipse of its semi-axes."""
+    """Draw the outline of the thorax: the ellipsoid is parallel to the axes, so it is the ellipse of its semi-axes."""
     centre = view.of(np.asarray(girdle.centre_mm))
     width, height = 2.0 * abs(view.of(np.asarray(girdle.semi_axes_mm)))
     axes.add_patch(Ellipse(tuple(centre), width, height, facecolor="0.95", edgecolor="0.8"))
@@ -147,11 +147,11 @@ LIMITS = {
     RIGHT: ((-215.0, 55.0), (-155.0, 95.0)),
     ABOVE: ((-55.0, 215.0), (-205.0, 45.0)),
 }
-"""Of the picture, mm: the right shoulder."""
+"""Limits of the picture in each view, mm: the right shoulder."""
 
 
 def _bone(axes: Axes, at: Pose, bone: str, view: View, style: dict[str, str]) -> None:
-    """The clavicle as a line with the axes that show its axial rotation, the scapula as its triangle."""
+    """Draw the clavicle as a line with the axes that show its axial rotation, or the scapula as its triangle."""
     if bone == "clavicle":
         _line(axes, at, POINTS[bone], view, marker="o", markersize=3, **style)
         middle = (at.points["SC"] + at.points["AC"]) / 2.0
@@ -169,7 +169,7 @@ def _line(axes: Axes, at: Pose, names: tuple[str, ...], view: View, **style) -> 
 
 def _arrow(axes: Axes, view: View, origin, axis, name: str, colour: str) -> None:
     start, along = view.of(origin), AXIS_MM * view.of(axis)
-    if np.hypot(*along) < 0.35 * AXIS_MM:  # it points at the reader: its head would hide the rest
+    if np.hypot(*along) < 0.35 * AXIS_MM:  # the axis points at the reader: its arrowhead would hide the rest
         return
     tip, (x, y) = tuple(start + along), start + 1.2 * along
     axes.annotate("", tip, tuple(start), arrowprops={"arrowstyle": "->", "color": colour, "linewidth": 1.0})
@@ -179,7 +179,7 @@ def _arrow(axes: Axes, view: View, origin, axis, name: str, colour: str) -> None
 def _names(axes: Axes, at: Pose, view: View, names: tuple[str, ...]) -> None:
     for name in names:
         x, y = view.of(at.points[name])
-        offset = (2, -10) if name == "SC" else (4, 4)  # the clavicle lies above the line to IJ
+        offset = (2, -10) if name == "SC" else (4, 4)  # the clavicle is drawn above the line to IJ
         axes.annotate(name, (x, y), offset, textcoords="offset points", fontsize=7.5, fontweight="bold")
 
 

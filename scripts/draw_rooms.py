@@ -1,7 +1,8 @@
-"""The rooms of the code and the imports between them, drawn from the source as docs/rooms.svg.
+"""Draw the rooms of the code and the imports between them, from the source, as docs/rooms.svg.
 
-A box is a room, with the first line of its docstring; a room stands above all that it imports. An arrow is an import;
-one is left out where others lead to the same room. The same source gives the same bytes.
+A box is a room (a package, folder or file) with the first line of its docstring; a room stands above all that it
+imports. An arrow is an import; an arrow is left out where a chain of other arrows leads to the same room. The same
+source gives the same bytes.
 
     python scripts/draw_rooms.py
 """
@@ -25,35 +26,35 @@ from scripts import rooms
 
 DRAWING = rooms.ROOT / "docs" / "rooms.svg"
 HIDDEN = {"adapt", "adapt.__main__"}
-"""They import what others do and do nothing themselves."""
+"""Rooms that are not drawn: they only import others and do no work themselves."""
 
 WIDTH, HEIGHT = 2.1, 0.86
-"""Of a box, inches."""
+"""Size of a box, inches."""
 
 COLUMN, LAYER = 2.4, 1.24
-"""From the middle of one box to the middle of the next, inches."""
+"""Distance between the centres of neighbouring boxes, horizontally and vertically, inches."""
 
 THIN = 0.5
-"""Part of a column that an arrow takes where it passes between boxes."""
+"""Share of a column that an arrow takes where it passes between boxes."""
 
 LETTERS = 35
-"""Of a line of the description."""
+"""Longest line of a description, in characters."""
 
 SWEEPS = 12
-"""Over the layers, each towards its neighbours' middle: the order is at rest well before."""
+"""Sweeps over the layers that move each node towards the middle of its neighbours; the order settles well before."""
 
 FILL = {"motions": "#e3f1ea", "models": "#fbeed3", "adapt": "#e6eef7"}
 JOINT = "--"
-"""Between the two rooms in the id of an arrow."""
+"""Separator of the two rooms in the id of an arrow."""
 
 Node = str | tuple[str, str, int]
-"""A room, or where the arrow between two rooms passes a layer."""
+"""A room, or the place where the arrow between two rooms passes a layer."""
 
 app = typer.Typer(add_completion=False)
 
 
 def arrows(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Return the arrows to draw, importer first: those that no chain of others stands for."""
+    """Return the arrows to draw, importer first, without those that a chain of other arrows implies."""
     below: dict[str, set[str]] = {}
     for importer, imported in pairs:
         if not HIDDEN & {importer, imported}:
@@ -72,16 +73,16 @@ def arrows(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
 
 
 def arrows_in(text: str) -> set[tuple[str, str]]:
-    """Return the arrows that a drawing shows."""
+    """Return the arrows (importer, imported) of a drawing, from its text."""
     ids = re.findall(rf'<g id="([\w.]+){JOINT}([\w.]+)"', text)
     return {(importer, imported) for importer, imported in ids}
 
 
 def layers(drawn: Iterable[tuple[str, str]]) -> list[list[Node]]:
-    """Return rooms and passing arrows by layer from the bottom, each layer from left to right."""
+    """Arrange rooms and passing arrows in layers from the bottom, each layer ordered from left to right."""
     drawn = list(drawn)
     level: dict[str, int] = {}
-    for name in rooms.ORDER:  # what a room imports comes before it
+    for name in rooms.ORDER:  # imported rooms come before their importers
         if any(name in ends for ends in drawn):
             level[name] = 1 + max((level[low] for high, low in drawn if high == name), default=-1)
     rows: list[list[Node]] = [[] for _ in range(max(level.values()) + 1)]
@@ -104,12 +105,12 @@ def layers(drawn: Iterable[tuple[str, str]]) -> list[list[Node]]:
 
 
 def route(high: str, low: str, level: Mapping[str, int]) -> list[Node]:
-    """Return what an arrow connects: the importer, a place in every layer that it passes, the imported."""
+    """Return the nodes along an arrow: the importer, a place in every layer that it passes, the imported room."""
     return [high, *((high, low, height) for height in range(level[high] - 1, level[low], -1)), low]
 
 
 def places(rows: Iterable[list[Node]]) -> dict[Node, float]:
-    """Return how far right of the middle each room and passing arrow stands, inches."""
+    """Return the horizontal position of each room and passing arrow, inches to the right of the middle."""
     x: dict[Node, float] = {}
     for row in rows:
         widths = [COLUMN * (1.0 if isinstance(node, str) else THIN) for node in row]
@@ -125,7 +126,7 @@ def _middle(x: Mapping[Node, float], nodes: list[Node]) -> float:
 
 
 def draw(drawn: list[tuple[str, str]], purposes: Mapping[str, str]) -> Figure:
-    """Return the drawing of these arrows, in the current style."""
+    """Draw these arrows in the current style, with the purpose of each room."""
     rows = layers(drawn)
     x = places(rows)
     height = {node: LAYER * index for index, row in enumerate(rows) for node in row}
@@ -155,13 +156,13 @@ def draw(drawn: list[tuple[str, str]], purposes: Mapping[str, str]) -> Figure:
 
 
 def title(name: str) -> str:
-    """Return a room's path: a folder ends in a slash, a file in .py."""
+    """Return the path of a room: a folder ends in a slash, a file in .py."""
     path = name.replace(".", "/")
     return f"{path}/" if (rooms.ROOT / path).is_dir() else f"{path}.py"
 
 
 def _curve(points: list[tuple[float, float]]) -> Curve:
-    """Return a smooth line from the foot of the first box down to the head of the last one."""
+    """Return a smooth line from the lower edge of the first box down to the upper edge of the last one."""
     (first_x, first_y), *_, (last_x, last_y) = points
     ends = [(first_x, first_y - HEIGHT / 2.0), *points[1:-1], (last_x, last_y + HEIGHT / 2.0)]
     vertices, codes = [ends[0]], [Curve.MOVETO]
@@ -176,7 +177,7 @@ def _curve(points: list[tuple[float, float]]) -> Curve:
 def main(
     out: Annotated[Path, typer.Option("--out", help="The SVG to write.")] = DRAWING,
 ) -> None:
-    """Draw the rooms of the code and who imports whom."""
+    """Draw the rooms of the code and the imports between them."""
     files = rooms.source_files()
     purposes = {name: rooms.purpose(name, files) for name in rooms.ORDER}
     drawn = arrows(rooms.crossings(rooms.imports(files)))

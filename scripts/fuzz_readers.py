@@ -1,10 +1,10 @@
-"""Thousands of broken files through every reader: each is read or refused in one line, and never is there more.
+"""Feed thousands of broken files to every reader: each must be read, or refused with one line.
 
-``python scripts/fuzz_readers.py --inputs 2000 --seed 1`` makes that many of each kind (a tenth of .c3d and of surfaces,
-each of which starts a process): random bytes, pieces of the
-format in no order, and valid files that were changed in a few places. A reader fails if it raises anything but an
-InputError, warns, takes longer than LONGEST_S, ends its process, or explains itself in more than one printable line.
-Failures are kept in --keep. Prints a table; exit status 1 if anything failed.
+``python scripts/fuzz_readers.py --inputs 2000 --seed 1`` makes that many files of each kind (a tenth of .c3d and of
+surfaces, because each of these starts a process): random bytes, pieces of the format in random order, and valid files
+with a few changes. A reader fails if it raises anything but an InputError, warns, takes longer than LONGEST_S, ends its
+process, or gives a message that is not one printable line. The files that a reader fails on are kept in --keep. Prints
+a table; exit status 1 if any reader failed.
 """
 
 import multiprocessing
@@ -50,8 +50,8 @@ from motions.motion_csv.reading import read_motions
 from scripts import valid_files as valid
 
 LONGEST_S = 90.0
-"""A reader of files of a few kilobytes that takes longer hangs, on however busy a machine; one that starts a process
-gives up before (``motions.files.read_by_child``)."""
+"""Seconds after which a reader counts as hanging: no file of a few kilobytes takes that long, even on a busy machine.
+A reader that starts a process gives up earlier (``motions.files.read_by_child``)."""
 
 READ, REFUSED, FAILED = "read", "refused", "failed"
 
@@ -65,17 +65,17 @@ _TOKENS = [
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of file: its ending, how it is read, and a valid one."""
+    """One kind of file: its extension, its reader, and a valid file."""
 
     ending: str
     read: Callable[[Path], object]
     valid: bytes
     in_child: bool = False
-    """Whether each file starts a process: a tenth as many are tried."""
+    """True where the reader starts a process for each file: a tenth as many files are tried."""
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
-    """Every reader of files of a user. The valid files are made in the folder."""
+    """List the readers of all kinds of user files. The valid files are made in the folder."""
     labels = Labels("P1", "abduction")
 
     def any_motions(path: Path) -> object:
@@ -138,19 +138,19 @@ _CLUSTERS = Mapping(clusters={"scapula": ("A1", "A2", "A3")})
 
 
 def _calibrated(*paths: Path) -> object:
-    """Static trials with a cluster on the acromion."""
+    """Read static trials with a cluster on the acromion."""
     return read_calibration(paths, _CLUSTERS, Labels("P1", "abduction"))
 
 
 def _calibrated_beside(folder: Path) -> Callable[[Path], object]:
-    """A reader of static trials beside a sound one."""
+    """Make a reader of a static trial together with a valid first one."""
     static = folder / "first_static.trc"
     static.write_bytes(valid.trc(valid.CLUSTER_MM))
     return lambda path: _calibrated(static, path)
 
 
 def _carried(folder: Path) -> Callable[[Path], object]:
-    """A reader of trials whose scapula a cluster carries."""
+    """Make a reader of trials in which a cluster carries the scapula."""
     static = folder / "static.trc"
     static.write_bytes(valid.trc(valid.CLUSTER_MM))
     labels = Labels("P1", "abduction")
@@ -159,7 +159,7 @@ def _carried(folder: Path) -> Callable[[Path], object]:
 
 
 def _renamed(folder: Path, name: str, read: Callable[[Path], object]) -> Callable[[Path], object]:
-    """A reader of a folder in which a file has this name."""
+    """Make a reader that copies the file into the folder under this name and reads the folder."""
 
     def renamed(path: Path) -> object:
         (folder / name).write_bytes(path.read_bytes())
@@ -173,14 +173,14 @@ def _known_effects(folder: Path) -> object:
 
 
 def _read_clicks(path: Path) -> object:
-    """Clicks in two slices, which need not be there."""
+    """Read clicks in two slices; no image files are needed."""
     nothing = np.zeros(3)
     slices = [ImageSlice(name, np.zeros((40, 50)), nothing, nothing, nothing) for name in ("a.png", "b.png")]
     return by_slice(read_clicks(path, slices), str(path))
 
 
 def _contours_in_discs(folder: Path) -> Callable[[Path], object]:
-    """A reader of clicks in two slices with a disc, whose contours and volumes are written."""
+    """Make a reader of clicks in two slices with a disc, which writes their contours and volumes."""
     images = [folder / name for name in ("a.png", "b.png")]
     for image in images:
         image.write_bytes(valid.png())
@@ -189,33 +189,33 @@ def _contours_in_discs(folder: Path) -> Callable[[Path], object]:
 
 
 def _surface(path: Path) -> object:
-    """A surface, points on it and their distances to it."""
+    """Read a surface, and compute the distances of points on it to it."""
     mesh = read_mesh(path)
     return mesh.distances_mm(mesh.spread(5))
 
 
 def _checked(path: Path) -> object:
-    """What `girdle check` says of one file."""
+    """Run the checks of `girdle check` on one file."""
     sets = read_landmark_sets(path, Mapping())
     return distances_table(sets), motions_table(sets), [unsound(own, str(path)) for own in sets]
 
 
 def _compared(folder: Path) -> Callable[[Path], object]:
-    """What `girdle check` says of two."""
+    """Make a reader that runs the checks of `girdle check` on two files."""
     first = folder / "first.csv"
     first.write_bytes(valid.points_csv())
     return lambda path: differences_of_two(first, path, Mapping())
 
 
 def _points_of_person(folder: Path) -> Callable[[Path], object]:
-    """A reader of points on the bones of a person."""
+    """Make a reader of points on the bones of a person."""
     landmarks = folder / "person.csv"
     landmarks.write_bytes(valid.landmark_csv())
     return lambda path: read_persons(landmarks, Mapping(), Labels("P1", "abduction"), path)
 
 
 def _in_checkout(folder: Path, name: str) -> Callable[[Path], object]:
-    """A reader of a checkout of Spartacus in which a file is another one."""
+    """Make a reader of a Spartacus checkout in which one file is replaced."""
 
     def read(path: Path) -> object:
         with tempfile.TemporaryDirectory(dir=folder) as checkout:
@@ -227,7 +227,7 @@ def _in_checkout(folder: Path, name: str) -> Callable[[Path], object]:
 
 
 def broken(kind: Kind, generator: Generator) -> bytes:
-    """A file that is broken in one of the ways above."""
+    """Make a broken file: random bytes, shuffled pieces of the format, or a valid file with a few changes."""
     way = generator.random()
     if way < 0.05:
         return generator.bytes(int(generator.integers(0, 600)))
@@ -242,7 +242,7 @@ def broken(kind: Kind, generator: Generator) -> bytes:
 
 
 def _changed(content: bytes, pieces: list[bytes], generator: Generator) -> bytes:
-    """Cut off, cut out, doubled, a byte turned, a piece put in or in place of another, or two lines swapped."""
+    """Truncate, cut out or duplicate a part, change a byte, insert or replace a piece, or swap two lines."""
     here, there = sorted(int(k) for k in generator.integers(0, len(content) + 1, size=2))
     piece = _one_of(generator, pieces)
     match int(generator.integers(7)):
@@ -270,13 +270,13 @@ def _one_of(generator: Generator, items: list[bytes]) -> bytes:
 
 
 def outcome(kind: Kind, content: bytes, folder: Path) -> str:
-    """READ, REFUSED, or what went wrong."""
+    """Read the file and return READ, REFUSED, or a description of the failure."""
     path = folder / f"fuzz{kind.ending}"
     path.write_bytes(content)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            warnings.simplefilter("ignore", InputWarning)  # it is said to a person, and the file is read
+            warnings.simplefilter("ignore", InputWarning)  # a warning for the user: the file is read all the same
             kind.read(path)
     except InputError as error:
         said = str(error)
@@ -287,12 +287,12 @@ def outcome(kind: Kind, content: bytes, folder: Path) -> str:
 
 
 def file_number(kind: Kind, seed: int, number: int) -> bytes:
-    """The same for the same seed and number, whatever came before."""
+    """Make the file with this number; it depends on the seed and the number alone."""
     return broken(kind, Generator(PCG64([seed, number])))
 
 
 Task = tuple[str, int]
-"""A kind and the number of a file."""
+"""Kind and number of a file."""
 
 
 def _work(tasks: list[Task], seed: int, pipe: Connection) -> None:
@@ -301,13 +301,13 @@ def _work(tasks: list[Task], seed: int, pipe: Connection) -> None:
         for name in dict.fromkeys(name for name, _ in tasks):
             outcome(
                 every[name], every[name].valid, Path(folder)
-            )  # what is compiled for the first valid file is no hang
+            )  # the first valid file compiles the reader's functions, so that compilation does not count as a hang
             for number in (number for other, number in tasks if other == name):
                 pipe.send(outcome(every[name], file_number(every[name], seed, number), Path(folder)))
 
 
 def outcomes(tasks: list[Task], seed: int) -> Iterator[str]:
-    """Of every input in turn, read in a process of its own, which is replaced where it hangs or dies."""
+    """Yield the outcome of every task; a worker process reads the files and is replaced where it hangs or dies."""
     done = 0
     context = multiprocessing.get_context("spawn")
     while done < len(tasks):
@@ -315,7 +315,7 @@ def outcomes(tasks: list[Task], seed: int) -> Iterator[str]:
         process = context.Process(target=_work, args=(tasks[done:], seed, theirs))
         process.start()
         theirs.close()
-        patience_s, lost = 10 * LONGEST_S, False  # for its start
+        patience_s, lost = 10 * LONGEST_S, False  # the first file includes the start of the process
         while done < len(tasks) and not lost:
             try:
                 said = ours.recv() if ours.poll(patience_s) else "hangs"

@@ -1,11 +1,11 @@
-"""Small faults put into the numerical core one at a time: which of them do its tests not notice?
+"""Mutation testing of the numerical core: put in one small fault at a time and see whether the tests notice it.
 
 ``python scripts/mutate_core.py --mutants 40 --seed 1`` draws so many mutants of each file in TESTS_OF, runs the tests
-of the file on each in a copy of the project, the quickest first and none after one that fails, and prints who survived.
-A mutant is killed if a test fails or the tests take PATIENCE times as long as on the project as it is.
+of the file on each mutant, the quickest first, until one fails, and prints the mutants that survived. A mutant is
+killed if a test fails or the tests take PATIENCE times as long as on the unchanged project.
 
-Every mutant is a copy of the project of its own, tried in processes of their own: the tree that one is working in stays
-as it is, and functions with decorators (custom derivatives, all that is compiled) are changed too.
+Every mutant is put into a separate copy of the project and tested in a process of its own. The working tree therefore
+stays as it is, and functions with decorators (custom derivatives, all compiled functions) are mutated too.
 """
 
 import ast
@@ -47,19 +47,22 @@ TESTS_OF = {
     "adapt/solvers/newton/elimination.py": ["tests/solvers/test_elimination.py"],
     "adapt/solvers/newton/backtracking.py": ["tests/solvers/test_backtracking.py"],
 }
-"""The quick tests of each file; slower ones, which fit whole subjects, would find more."""
+"""The quick tests of each file; slower ones, which fit whole subjects, would notice more mutants."""
 
 PATIENCE, AT_LEAST_S = 5.0, 60.0
-"""A mutant that turns a loop into a longer one, or into one without end, is noticed by that; a busy machine is not."""
+"""Time limit of the tests of a mutant, as a multiple of their normal time and in seconds at least.
+
+A mutant that makes a loop longer or endless exceeds the limit; a busy machine does not.
+"""
 
 _ALL_PASSED, _SOME_FAILED, _INTERRUPTED = 0, 1, 2
-"""Exit statuses of pytest: interrupted where a file cannot be imported. Others say that it was called wrongly."""
+"""Exit statuses of pytest: "interrupted" where a file cannot be imported. Other statuses are wrong calls of pytest."""
 
 _NOT_ASSIGNED = "nothing assigns to it; a type checker sees who would"
 
 _PROCESSES = multiprocessing.get_context("forkserver")
 _PROCESSES.set_forkserver_preload(["pytest", "jax", "jax.numpy", "hypothesis", "jaxtyping", "scipy.optimize", "casadi"])
-"""Every process begins with what takes seconds to import, and none has the project in it."""
+"""Every process starts with the slow imports done, and with no module of the project."""
 
 _SAME_LENGTH = "both are of one length; strict only says so"
 
@@ -122,7 +125,7 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         ),
     },
 }
-"""Why a mutant that survives changes no result, by file and :attr:`Mutant.place`."""
+"""Reasons why a surviving mutant changes no result, by file and :attr:`Mutant.place`."""
 
 _BINARY = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
 _COMPARED = {
@@ -148,10 +151,10 @@ class Mutant:
     old: str
     new: str
     source: str
-    """The whole changed file."""
+    """Text of the whole changed file."""
 
     text: str
-    """The line as it was."""
+    """The line before the change."""
 
     @property
     def name(self) -> str:
@@ -159,12 +162,12 @@ class Mutant:
 
     @property
     def place(self) -> str:
-        """Where it is in its file, wherever its line has moved to."""
+        """Identify the mutant within its file without its line number."""
         return f"{self.text}: {self.old} -> {self.new}"
 
 
 def mutants(file: str, source: str) -> list[Mutant]:
-    """Every mutant of the file: an operator, a number, a sign, a comparison or a function that is another one."""
+    """List every mutant of a file: a changed operator, number, sign, comparison or function name."""
     tree = ast.parse(source)
     types = _annotations(tree)
     found = []
@@ -178,7 +181,7 @@ def mutants(file: str, source: str) -> list[Mutant]:
 
 
 def _spliced(source: str, place: ast.expr, new: str) -> str:
-    """The source with other text in the place of the node. Columns count bytes."""
+    """Replace the text of a node in the source. Column offsets count bytes."""
     lines = source.encode().splitlines(keepends=True)
     starts = [sum(map(len, lines[:k])) for k in range(len(lines))]
     assert place.end_lineno is not None
@@ -189,7 +192,7 @@ def _spliced(source: str, place: ast.expr, new: str) -> str:
 
 
 def _annotations(tree: ast.AST) -> set[int]:
-    """Types are checked by pyright, not by running."""
+    """Return the ids of all nodes of type annotations, which are not mutated: pyright checks types, not the tests."""
     roots = [getattr(node, key, None) for node in ast.walk(tree) for key in ("annotation", "returns")]
     return {id(node) for root in roots if root is not None for node in ast.walk(root)}
 
@@ -214,14 +217,14 @@ def _changes(node: ast.expr) -> Iterator[ast.expr]:
 
 @dataclass(frozen=True)
 class Tests:
-    """The tests of one file, the quickest first, and how long a mutant may take over them."""
+    """The tests of one file, the quickest first, and the time limit of a mutant."""
 
     names: list[str]
     longest_s: float
 
 
 def tests_of(file: str, folder: Path) -> Tests:
-    """From a run on the project as it is, which must pass."""
+    """Time the tests of a file on the unchanged project, where they must pass."""
     report = folder / "report.xml"
     began = time.monotonic()
     assert _passes(folder, [*TESTS_OF[file], f"--junitxml={report}"], None), f"the tests of {file} fail as it is"
@@ -232,7 +235,7 @@ def tests_of(file: str, folder: Path) -> Tests:
 
 
 def survives(mutant: Mutant, tests: Tests, folder: Path) -> bool:
-    """Whether all the tests pass on the copy of the project in the folder, which is put back after."""
+    """Check whether all tests pass on the copy of the project with the mutant; the file is restored afterwards."""
     path = folder / mutant.file
     whole = path.read_bytes()
     path.write_text(mutant.source)
@@ -243,7 +246,7 @@ def survives(mutant: Mutant, tests: Tests, folder: Path) -> bool:
 
 
 def _passes(folder: Path, arguments: list[str], longest_s: float | None) -> bool:
-    """Whether the tests pass on the packages in the folder, and not on those that are installed."""
+    """Check whether the tests pass on the packages in the folder, instead of the installed ones."""
     process = _PROCESSES.Process(target=_test, args=(folder, arguments))
     process.start()
     process.join(longest_s)
@@ -256,7 +259,7 @@ def _passes(folder: Path, arguments: list[str], longest_s: float | None) -> bool
 
 
 def _test(folder: Path, arguments: list[str]) -> None:
-    """In a process of its own, which has the libraries but nothing of the project."""
+    """Run pytest in a process that has the libraries loaded but no module of the project."""
     sys.dont_write_bytecode = True
     sys.path.insert(0, str(folder))
     os.chdir(folder)
@@ -305,7 +308,7 @@ def main(
         with ThreadPoolExecutor(jobs) as threads:
             outcome = track(threads.map(tried, drawn), "mutants", len(drawn), console=Console(stderr=True))
             for mutant, alive in zip(drawn, outcome, strict=True):
-                if alive:  # at once: a run takes an hour, and may be stopped
+                if alive:  # printed at once: a run takes an hour, and may be stopped
                     print(_said(mutant), flush=True)
                     survivors.append(mutant)
     _print(every, drawn, survivors)

@@ -1,4 +1,4 @@
-"""The notebooks of docs/notebooks, made of its pages: text and blocks of Python become cells.
+"""Make the notebooks of docs/notebooks from its pages: text and Python blocks become cells.
 
 python -m scripts.notebooks        # after a change of a page
 """
@@ -24,7 +24,7 @@ def cells(page: str) -> list[tuple[str, str]]:
 
 
 def notebook(page: str) -> str:
-    """Write a page as a notebook without outputs (nbformat 4.5)."""
+    """Convert a page to a notebook without outputs (nbformat 4.5)."""
     made = []
     for number, (kind, text) in enumerate(cells(page)):
         cell = {"cell_type": kind, "id": f"cell-{number}", "metadata": {}, "source": text.splitlines(keepends=True)}
@@ -35,7 +35,7 @@ def notebook(page: str) -> str:
 
 
 def pages() -> list[Path]:
-    """List the pages."""
+    """List the pages of docs/notebooks."""
     return sorted(FOLDER.glob("*.md"))
 
 

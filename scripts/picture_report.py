@@ -1,4 +1,4 @@
-"""A picture of a report as a person sees it: opened in the system's Chromium, stepped to a posture, saved as a PNG.
+"""Picture of a report as a user sees it: opened in the system's Chromium, stepped to a posture, saved as a PNG.
 
 python scripts/picture_report.py out/adapt/report.html --out docs/report.png
 """
@@ -24,26 +24,26 @@ FLAGS = (
     *("--no-first-run", "--disable-quic", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync"),
 )
-"""WebGL in software, as a machine without a screen has it; a browser that does nothing on its own."""
+"""Software WebGL, for a machine without a screen, and no background activity of the browser."""
 
 DRAWN = "body[data-drawn=yes]"
 PATIENCE_MS = 60_000.0
-"""For 3-D drawn in software on a busy machine."""
+"""Timeout: 3-D drawn in software on a busy machine takes long."""
 
 COLOURS = 256
-"""In the palette of the picture: a page has few, and the file is a third as large."""
+"""Colours in the palette of the picture: a page has few, and the file is a third as large."""
 
 app = typer.Typer(add_completion=False)
 
 
 def installed_browser() -> str | None:
-    """Path of the first one there is."""
+    """Return the path of the first browser that is installed."""
     return next(filter(None, map(shutil.which, BROWSERS)), None)
 
 
 @contextmanager
 def browser() -> Iterator[Browser]:
-    """A headless browser with a fresh profile. InputError if there is none."""
+    """Start a headless browser with a fresh profile. InputError if none is installed."""
     path = installed_browser()
     if path is None:
         raise InputError("the browser", None, f"none of {', '.join(BROWSERS)} is installed", "Install Chromium")
@@ -60,7 +60,7 @@ def open_report(page: Page, report: Path) -> None:
 
 
 def picture(started: Browser | BrowserContext, report: Path, posture: int, window: ViewportSize) -> Image.Image:
-    """The top of the page at one of its postures, from 1, in few colours."""
+    """Take a picture of the top of the page at one of its postures (numbered from 1), reduced to COLOURS."""
     page = started.new_page()
     page.set_viewport_size(window)
     open_report(page, report)

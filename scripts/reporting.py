@@ -1,4 +1,4 @@
-"""What several scripts share: tables, names and files on the command line, timing, Markdown, how sure a rate is."""
+"""Helpers that several scripts share: command-line input, tables, timing, Markdown, and Wilson intervals of rates."""
 
 import argparse
 import math
@@ -14,12 +14,12 @@ from motions import InputError, Motions, read_motions
 NAMES = ("model", "subject", "motion")
 
 CADAVER_SETS = ("breteler_dissection", "breteler_mri", "R2", "R4", "R6")
-"""The shipped sets of whole cadavers: das3 has contact points in place of TS and AI."""
+"""The shipped sets of whole cadavers. das3 is not one of them: it has contact points in place of TS and AI."""
 
 
 def bone_pins(parser: argparse.ArgumentParser) -> tuple[Motions, argparse.Namespace]:
-    """Take measured motions and parameter sets from the command line, and read the motions; end with a message where
-    they are none."""
+    """Add arguments for measured motions and parameter sets, parse the command line and read the motions; exit with a
+    message where the files hold no motions."""
     parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
     sets = f"parameter sets; default: {', '.join(CADAVER_SETS)}"
     parser.add_argument("--model", action="append", default=[], help=sets)
@@ -29,7 +29,7 @@ def bone_pins(parser: argparse.ArgumentParser) -> tuple[Motions, argparse.Namesp
 
 
 def measured(parser: argparse.ArgumentParser, files: Sequence[Path]) -> Motions:
-    """Read measured motions; end with a message where they are none."""
+    """Read measured motions; exit with a message where the files hold no motions."""
     try:
         return read_motions(*files)
     except InputError as error:
@@ -37,7 +37,7 @@ def measured(parser: argparse.ArgumentParser, files: Sequence[Path]) -> Motions:
 
 
 def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:
-    """A table that `girdle adapt` wrote, with these columns and more; names stay text, whatever they look like."""
+    """Read a table that `girdle adapt` wrote. InputError unless it has these columns; names stay text, even digits."""
     try:
         table = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
     except (OSError, ValueError) as error:
@@ -49,25 +49,25 @@ def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:
 
 
 def check_known(names: Iterable[str], known: Collection[str], what: str) -> None:
-    """Refuse the first name, given on the command line, that nothing has: BadParameter."""
+    """Raise BadParameter for the first name from the command line that is not known."""
     if unknown := [name for name in names if name not in known]:
         raise typer.BadParameter(f"no {what} is called '{unknown[0]}'. Take some of {', '.join(known)}")
 
 
 def timed(run: Callable[[], object]) -> float:
-    """Seconds that it takes."""
+    """Return the wall time of a call, in seconds."""
     start = time.perf_counter()
     run()
     return time.perf_counter() - start
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table."""
+    """Format a table as Markdown."""
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (header, ["---"] * len(header), *rows))
 
 
 def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    """The interval of a rate within z standard deviations (Wilson, J. Am. Stat. Assoc. 22, 1927): 95 %."""
+    """Compute Wilson's score interval of a rate (J. Am. Stat. Assoc. 22, 1927); the default value of z gives 95 %."""
     centre, square = hits + 0.5 * z**2, z**2
     half = z * math.sqrt(hits * (n - hits) / n + 0.25 * square)
     return max(0.0, (centre - half) / (n + square)), min(1.0, (centre + half) / (n + square))

@@ -1,6 +1,6 @@
-"""The rooms of the code and who imports whom, read from the source: nothing of the project is imported.
+"""Read the rooms of the code (packages, folders, files) and their imports from the source, without importing any.
 
-`tests/house` holds the directions with it, `scripts/draw_rooms.py` draws them.
+`tests/house` checks the directions of the imports with it, `scripts/draw_rooms.py` draws them.
 """
 
 import ast
@@ -29,18 +29,18 @@ ORDER = (
     "adapt.cli",
     "adapt.__main__",
 )
-"""The rooms, each of which may import those before it and none after it. `adapt` alone is `adapt/__init__.py`."""
+"""The rooms. Each may import the rooms before it and none after it. `adapt` alone is `adapt/__init__.py`."""
 
 WITHIN = (
     ("motions.checks", "motions.motion_csv", "motions.landmarks", "motions.formats"),
     ("adapt.solvers.newton", "adapt.solvers.projection"),
     ("adapt.diagnosis.fit", "adapt.diagnosis.inference", "adapt.diagnosis.texts"),
 )
-"""Folders inside a room, in the same sense."""
+"""Folders inside a room, ordered by the same rule."""
 
 
 class Import(NamedTuple):
-    """One module imports another; ``imported`` may be another project's."""
+    """One module imports another; ``imported`` may belong to another project."""
 
     importer: str
     imported: str
@@ -48,7 +48,7 @@ class Import(NamedTuple):
 
 
 def module_name(path: Path, root: Path = ROOT) -> str:
-    """Return the dotted name of a source file; a package's ``__init__.py`` has the package's."""
+    """Return the dotted name of a source file; ``__init__.py`` has the name of its package."""
     parts = path.relative_to(root).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -60,9 +60,9 @@ def source_files(root: Path = ROOT) -> dict[str, Path]:
 
 
 def imports(files: Mapping[str, Path]) -> Iterator[Import]:
-    """Yield every import statement of the files, those inside functions too, but for those under TYPE_CHECKING.
+    """Yield every import statement of the files, also inside functions, except those under TYPE_CHECKING.
 
-    ``from package import name`` imports the module ``package.name`` where the files have it, else ``package``.
+    ``from package import name`` imports the module ``package.name`` if that is among the files, else ``package``.
     """
     for importer, path in files.items():
         for node in _run_time(ast.parse(path.read_text(encoding="utf-8"))):
@@ -76,7 +76,7 @@ def imports(files: Mapping[str, Path]) -> Iterator[Import]:
 
 
 def _run_time(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield every node below, but not those that only a type checker sees."""
+    """Yield every node below, except the branches that only a type checker sees."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
             continue
@@ -85,7 +85,7 @@ def _run_time(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def _absolute(node: ast.ImportFrom, importer: str, path: Path) -> str:
-    """Return the module that a ``from`` statement names, a relative one too."""
+    """Return the absolute name of the module in a ``from`` statement, also of a relative one."""
     if not node.level:
         return node.module or ""
     package = importer.split(".") if path.name == "__init__.py" else importer.split(".")[:-1]
@@ -94,7 +94,7 @@ def _absolute(node: ast.ImportFrom, importer: str, path: Path) -> str:
 
 
 def room(module: str) -> str | None:
-    """Return the room of a module: a package, or a folder or file at the top of `adapt`; none for other projects'."""
+    """Return the room of a module: a package, or a folder or file at the top of `adapt`; None for other projects."""
     package, *rest = module.split(".")
     if package not in PACKAGES:
         return None
@@ -102,14 +102,14 @@ def room(module: str) -> str | None:
 
 
 def folder(module: str, names: Iterable[str]) -> str | None:
-    """Return which of these folders a module is in."""
+    """Return the folder, among these names, that contains a module; None if there is none."""
     return next((name for name in names if f"{module}.".startswith(f"{name}.")), None)
 
 
 def crossings(
     found: Iterable[Import], place: Callable[[str], str | None] = room
 ) -> dict[tuple[str, str], list[Import]]:
-    """Return the imports that cross from one place into another, by the two places: importer, imported."""
+    """Group the imports that cross from one place into another by (importer's place, imported place)."""
     by_places: dict[tuple[str, str], list[Import]] = {}
     for one in found:
         ends = place(one.importer), place(one.imported)

@@ -1,4 +1,4 @@
-"""The words that a shell completes, `adapt/cli/shell_words.txt`, read from the command line.
+"""Write the words for shell completion, `adapt/cli/shell_words.txt`, from the command line's own definitions.
 
 python -m scripts.shell_words      # after a change of a command or an option
 """
@@ -13,7 +13,7 @@ from adapt.cli.entry import WORDS
 
 
 def written() -> str:
-    """Write every command with its help and its options, a line each."""
+    """Return the text of the file: every command with its help, and its options, one per line."""
     group: Any = typer.main.get_command(app)
     lines = []
     for name, command in group.commands.items():
@@ -25,13 +25,13 @@ def written() -> str:
 
 
 def _first_sentence(text: str | None) -> str:
-    """On one line, without marks that a shell would read."""
+    """Return the first sentence on one line, without characters that a shell would interpret."""
     sentence = re.split(r"(?<=[.:;])\s", " ".join((text or "").split()))[0]
     return re.sub(r"[`'\"$\\\[\]]", "", sentence).rstrip(".:;")
 
 
 def main() -> None:
-    """Write the file."""
+    """Write the file of words."""
     WORDS.write_text(written(), encoding="utf-8")
 
 

@@ -1,13 +1,13 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportReturnType=false
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What `girdle adapt` achieved, in one table: the table of docs/results.md from the folder it wrote.
+"""Summarise a run of `girdle adapt` in one table, as in docs/results.md, from the folder that it wrote.
 
     python scripts/summarise_gap.py results
 
 Gaps are mean |simulated - measured| in degrees, before -> after: the mean over subjects and the three angles of a bone,
-in brackets on what was held out from the adaptation, and the largest of one angle of one subject. Only what ended ok
-counts, and the last lines say how much did.
+with the held-out gap in brackets, and the largest gap of one angle of one subject. Only fits with status ok count; the
+last lines say how many they are.
 """
 
 from pathlib import Path
@@ -30,7 +30,7 @@ app = typer.Typer(add_completion=False)
 
 
 def gap_cells(summary: pd.DataFrame, model: str) -> list[str]:
-    """Mean (with that held out) and max of each bone, before -> after, from the statistics rows of summary.csv."""
+    """Format mean gap (with the held-out gap) and largest gap of each bone, before -> after, from summary.csv."""
     mine = summary[(summary["model"] == model) & (summary["motion"] == ALL_MOTIONS)]
     mean, most = (mine[mine["subject"] == row].set_index("adapted") for row in ("mean", "max"))
     cells = []
@@ -44,14 +44,14 @@ def gap_cells(summary: pd.DataFrame, model: str) -> list[str]:
 
 
 def centre_moved_mm(parameters: pd.DataFrame) -> float:
-    """Mean over subjects of the distance between the ellipsoid's centre and the model's own."""
+    """Compute the mean over subjects of the distance between the adapted and the model's own ellipsoid centre."""
     return float(
         np.hypot(*(parameters[f"{name}_mm"] - parameters[f"{name}_mm_model"] for name in ("M_y", "M_z"))).mean()
     )
 
 
 def bound_cell(parameters: pd.DataFrame) -> str:
-    """How many adaptations have a parameter at a bound and, in brackets, how often each is, most first."""
+    """Count the adaptations with a parameter at a bound and, in brackets, each such parameter, most frequent first."""
     at = parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].set_axis(ADAPTED, axis=1) == 1
     counts = at.sum().sort_values(ascending=False, kind="stable")
     which = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
@@ -59,7 +59,7 @@ def bound_cell(parameters: pd.DataFrame) -> str:
 
 
 def gap_table(summary: pd.DataFrame, parameters: pd.DataFrame) -> str:
-    """A line a parameter set."""
+    """Tabulate the gaps, one line per parameter set."""
     header = ["set", "scapula mean (held out)", "scapula max", "clavicle mean (held out)", "clavicle max"]
     header += ["centre moved (mean)", "subjects with a parameter at a bound"]
     rows = []
@@ -72,7 +72,7 @@ def gap_table(summary: pd.DataFrame, parameters: pd.DataFrame) -> str:
 
 
 def endings(fits: pd.DataFrame, parameters: pd.DataFrame) -> str:
-    """How the adaptations and the posture fits ended, and what ended at a bound in all sets together."""
+    """Summarise the statuses of adaptations and posture fits, and the parameters at a bound over all sets."""
     adapted, fitted = (table["status"] == status.OK for table in (parameters, fits))
     return (
         f"ok: {adapted.sum()} of {len(adapted)} adaptations, {fitted.sum()} of {len(fitted)} posture fits; "

@@ -1,4 +1,4 @@
-"""Valid files of every kind that a user gives, small ones: what ``scripts/fuzz_readers.py`` breaks."""
+"""Small valid files of every kind that a user provides, for ``scripts/fuzz_readers.py`` to break."""
 
 import io
 import re
@@ -30,7 +30,7 @@ _FRAMES = 4
 
 
 def _positions_mm() -> dict[str, np.ndarray]:
-    """About a shoulder, moving a little: (frames, 3) by landmark."""
+    """Return landmark positions (frames, 3) of a slowly moving shoulder, by name."""
     rest = _THORAX_MM | _SHOULDER_MM
     moves = {name: name in _SHOULDER_MM for name in rest}
     return {name: np.array(rest[name]) + 3.0 * np.arange(_FRAMES)[:, None] * moves[name] for name in MARKERS}
@@ -44,7 +44,7 @@ def landmark_csv() -> bytes:
 
 
 def with_commas(content: bytes) -> bytes:
-    """As a spreadsheet writes a table in many languages: every number with a decimal comma."""
+    """Write a table as spreadsheets do in many languages: with semicolons and decimal commas."""
     return re.sub(rb"(?<=;)(-?\d+)(?=;|\n)", rb"\1,5", content.replace(b",", b";"))
 
 
@@ -57,7 +57,7 @@ def _table(rows: list[list[str]], separator: str) -> bytes:
 
 
 def _frames() -> list[list[str]]:
-    """x, y and z of all landmarks in each frame."""
+    """Return x, y and z of all landmarks, one row per frame."""
     return [[f"{x:g}" for place in _positions_mm().values() for x in place[k]] for k in range(_FRAMES)]
 
 
@@ -91,12 +91,12 @@ def visual3d() -> bytes:
 
 
 def matlab() -> bytes:
-    """A table whose variables are matrices, as writetable writes it."""
+    """Write a table whose variables are matrices, as MATLAB's writetable does."""
     return _table([[f"{name}_{k}" for name in _positions_mm() for k in (1, 2, 3)], *_frames()], ",")
 
 
 def of_pandas() -> bytes:
-    """Two rows of names, under a line that a spreadsheet takes for what separates the cells."""
+    """Write a pandas table with two header rows, after a ``sep=;`` line, which names the delimiter to spreadsheets."""
     names = list(_positions_mm())
     rows = [["sep=;"], ["", *(name for name in names for _ in range(3))], ["", *"xyz" * len(names)]]
     return _table([*rows, *([str(k), *cells] for k, cells in enumerate(_frames()))], ";")
@@ -146,7 +146,7 @@ def run_json(folder: Path) -> bytes:
 
 
 def motion_csv() -> bytes:
-    """Two subjects of the shipped ones."""
+    """Return the motion CSV of two of the shipped subjects."""
     return b"\n".join(DATA_FILE.read_bytes().splitlines()[:29])
 
 
@@ -176,17 +176,17 @@ a.png,10,20,teres major
 a.png,15,11.3,teres major
 a.png,25,11.3,teres major
 """
-"""Clicks round the disc of ``disc``."""
+"""Clicks along the edge of the disc of ``disc``."""
 
 
 def disc() -> np.ndarray:
-    """A bright disc of 10 pixels about (20, 20)."""
+    """Return an image with a bright disc of radius 10 pixels about (20, 20)."""
     y, x = np.mgrid[:40, :50]
     return np.where((x - 20) ** 2 + (y - 20) ** 2 <= 100, 200, 20).astype(np.uint8)
 
 
 def png() -> bytes:
-    """The disc as an image."""
+    """Write the disc as an image."""
     from PIL import Image
 
     content = io.BytesIO()
@@ -195,7 +195,7 @@ def png() -> bytes:
 
 
 def dicom() -> bytes:
-    """The disc as a slice of a scan."""
+    """Write the disc as a slice of a scan (DICOM)."""
     from pydicom.dataset import Dataset, FileMetaDataset
     from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian
 
@@ -222,13 +222,13 @@ _FACES = [
 
 
 def stl() -> bytes:
-    """A box as binary STL."""
+    """Write a box as binary STL."""
     facets = (struct.pack("<12fH", 0, 0, 0, *(x for k in face for x in _CORNERS[k]), 0) for face in _FACES)
     return bytes(80) + struct.pack("<I", len(_FACES)) + b"".join(facets)
 
 
 def stl_text() -> bytes:
-    """The box as STL in text."""
+    """Write the box as STL in text."""
     lines = ["solid bone"]
     for face in _FACES:
         corners = (f"vertex {x:g} {y:g} {z:g}" for x, y, z in (_CORNERS[k] for k in face))
@@ -243,19 +243,19 @@ def _ply_head(form: str) -> str:
 
 
 def ply() -> bytes:
-    """The box as PLY in text."""
+    """Write the box as PLY in text."""
     rows = [f"{x:g} {y:g} {z:g}" for x, y, z in _CORNERS] + [f"3 {a} {b} {c}" for a, b, c in _FACES]
     return (_ply_head("ascii") + "\n".join([*rows, ""])).encode()
 
 
 def ply_binary() -> bytes:
-    """The box as binary PLY."""
+    """Write the box as binary PLY."""
     corners, faces = (struct.pack("<3f", *one) for one in _CORNERS), (struct.pack("<B3i", 3, *one) for one in _FACES)
     return _ply_head("binary_little_endian").encode() + b"".join([*corners, *faces])
 
 
 def vtp() -> bytes:
-    """The box as VTP, as OpenSim's geometry is."""
+    """Write the box as VTP, the format of OpenSim's geometry."""
 
     def array(kind: str, name: str, values: np.ndarray, components: int = 1) -> str:
         text = " ".join(f"{x:g}" for x in values.ravel())
@@ -273,7 +273,7 @@ def vtp() -> bytes:
 
 
 def points_csv() -> bytes:
-    """Landmarks, a row each."""
+    """Return a table of landmarks, one per row."""
     rows = (f"{name},{x:g},{y:g},{z:g}" for name, place in _positions_mm().items() for x, y, z in place[:1])
     return "\n".join(["landmark,x_mm,y_mm,z_mm", *rows, ""]).encode()
 
@@ -295,7 +295,7 @@ thorax,90,-150,95,,
 humeral_head,170,-20,60,,
 humeral_head,160,-30,55,,
 """
-"""On bones, in the frame of the landmarks."""
+"""Points on bones, in the frame of the landmarks."""
 
 COORDINATES = b"""subject,motion,posture,humerus_elevation_deg,AC_y_mm,AC_z_mm,TS_x_mm
 P1,abduction,1,10,15,80,60
@@ -311,7 +311,7 @@ FITS = (
 )
 
 LIST = f"{'0' * 64}  fits.csv\n{'1' * 64}  models/R2_P1.toml\n".encode()
-"""As ``girdle.sha256`` has it."""
+"""List of files and checksums, as in ``girdle.sha256``."""
 
 STUDIES = (
     b"dataset_id,dataset_authors,dataset_year,thorax_y_direction,scapula_z_direction,side_as_right\n"
@@ -340,7 +340,7 @@ CURVES = {
 
 
 def spartacus(folder: Path) -> None:
-    """Write a checkout of the collection with one study."""
+    """Write a checkout of the Spartacus collection with one study."""
     tables, data = folder / "spartacus" / "dataset", folder / "spartacus" / "data" / "#1_Ludewig_et_al"
     for one in (tables, data):
         one.mkdir(parents=True, exist_ok=True)

@@ -1,10 +1,10 @@
 """Check the words and sentences of the pages, docstrings and comments against the glossary; count the pages' words.
 
-    python scripts/words.py            # what is wrong, a line each; exit status 1 if anything is
+    python scripts/words.py            # one line per finding; exit status 1 if there are any
     python scripts/words.py --ease     # Flesch reading ease of each page
 
-A user page is README.md or a page of docs/ outside docs/research/. Code in blocks and backticks, and formulas, are no
-prose: only the count has them.
+A user page is README.md or a page of docs/ outside docs/research/. Code in blocks and backticks, and formulas, are not
+prose: only the word count includes them.
 """
 
 import re
@@ -18,7 +18,7 @@ import typer
 from scripts.rooms import ROOT, source_files
 
 MOST_WORDS = 20_000
-"""Of all user pages together, code and tables included: two hours of reading."""
+"""Limit for all user pages together, code and tables included: two hours of reading."""
 
 REPLACED = {
     r"unseen": "held-out",
@@ -32,7 +32,7 @@ REPLACED = {
     r"sizes of (?:others|other persons)": "population amplitudes",
     r"persons' own sizes|sizes of their own": "subject-level amplitudes",
 }
-"""Words that the glossary has a term for, and the term."""
+"""Words that the glossary replaces, each with its term."""
 
 HISTORY = {
     r"looked at": "docs/research/ says how often data were used",
@@ -51,10 +51,10 @@ NOBODY_UNDERSTOOD = (
     "those of others do",
     "which is none of the search's",
 )
-"""Of sentences that readers of the pages had to read twice."""
+"""Parts of sentences that readers of the pages had to read twice."""
 
 REPLACED_IN_PAGES = {r"not seen|have seen|has seen|had not seen": "held out of"}
-"""In code a marker is not seen."""
+"""Words that are replaced in pages only: in code a marker is "not seen"."""
 
 NO_SUBJECT = re.compile(r"(?:What|That|Those|Whose|Who|Whoever|Which|How|Of|By(?! default)|And|Nor)\b")
 """Openings of sentences without a noun as their subject. Questions may begin so: they are headings."""
@@ -73,17 +73,17 @@ def user_pages() -> list[Path]:
 
 
 def word_count() -> int:
-    """Count what stands between blanks and has a letter or a digit, in all user pages."""
+    """Count the blank-separated words with a letter or a digit in all user pages."""
     return sum(bool(re.search(r"\w", word)) for page in user_pages() for word in page.read_text("utf-8").split())
 
 
 def prose(text: str) -> str:
-    """Leave out code, formulas and the targets of links, but keep the lines."""
+    """Remove code, formulas and the targets of links, but keep the lines."""
     return _BLOCK.sub(lambda found: "\n" * found.group().count("\n") or " ", text)
 
 
 def findings(page: Path) -> Iterator[str]:
-    """List the words of a page that the glossary replaces or that tell history, and sentences without a noun first."""
+    """List words of a page that the glossary replaces or that tell history, and sentences that begin without a noun."""
     name, text = str(page.relative_to(ROOT)), page.read_text("utf-8")
     yield from (f"{name}: nobody understood '{one}'" for one in NOBODY_UNDERSTOOD if one in " ".join(text.split()))
     patterns = {**_whole_words(REPLACED), **_whole_words(REPLACED_IN_PAGES), **HISTORY}
@@ -142,7 +142,7 @@ app = typer.Typer(add_completion=False)
 def main(
     ease: Annotated[bool, typer.Option("--ease", help="Print Flesch's reading ease of each page instead.")] = False,
 ) -> None:
-    """Say what is wrong with the words of pages and code, a line each; exit status 1 if anything is."""
+    """Report everything that is wrong with the words of pages and code; exit status 1 if there is anything."""
     if ease:
         for page in user_pages():
             print(f"{reading_ease(page.read_text('utf-8')):5.1f}  {page.relative_to(ROOT)}")

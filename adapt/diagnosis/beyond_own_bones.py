@@ -3,9 +3,10 @@
 A cause is named if it predicts what own bones do not. With a set of causes V, whose sizes come from other persons and
 other motions,
 
-    share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - gap of noise alone)
+    share(V) = (gap(V_0) - gap(V)) / (gap of own bones - gap of noise alone)
 
-on motions held out of the person's bones. Causes without which the other causes predict as well or
+on motions held out of the person's bones, with gap(V) that of own bones and V, and V_0 the causes of V that are not
+tested so: constants, known causes, and causes that positions show. Causes without which the others predict as well or
 better are removed, the worst first. All are removed unless share(V) is at least ``LEAST_SHARE`` with a probability of
 one half or more over resampled persons. Causes that measured positions show stay.
 
@@ -33,6 +34,7 @@ from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities
 from adapt.diagnosis.population_amplitudes import effects_of_folds, no_size, own_effects
+from adapt.diagnosis.result import POSITIONS
 from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
 from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
@@ -284,7 +286,7 @@ class OwnBonesNull:
     def tested_on(self, name: str) -> tuple[str, ...]:
         """List the data that confirm a named cause (``Cause.tested_on``)."""
         if cause_of(name) in self.seen:
-            return ("positions",)
+            return (POSITIONS,)
         if not self.is_held(name):
             return ("angles",) if name in self.search.known else ("evidence",)
         kinds = "other_motion", "other_person"

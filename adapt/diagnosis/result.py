@@ -38,6 +38,10 @@ class Interval(NamedTuple):
     high: float
 
 
+POSITIONS = "positions"
+"""Measured positions, as the data that confirm a cause."""
+
+
 @dataclass(frozen=True)
 class Cause:
     """Active cause, with the names that it may have."""
@@ -76,6 +80,11 @@ class Verdict:
     def inclusion_of(self, name: str) -> float:
         """Look up the inclusion probability of a name; NaN if the name is no candidate."""
         return self.inclusion.get(name, math.nan)
+
+    @property
+    def rests_on_positions(self) -> bool:
+        """True where measured positions confirm every named cause."""
+        return all(cause.tested_on == (POSITIONS,) for cause in self.causes)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""From a trial (.trc) to a report: read it, adapt the model to its subject, look. The trial is simulated.
+"""From a trial (.trc) to a report: read the trial and adapt the model to its subject. The trial is simulated.
 
 On the command line: `girdle convert P01.trc P01.csv --subject P01 --motion abduction --at 10,30,50,70,90,110,130`, then
 `girdle adapt P01.csv --model R2 --out results`.
@@ -17,9 +17,9 @@ from motions import read_trial
 
 def main(folder: Path) -> Path:
     """Write the trial and its report into a folder."""
-    trial = write_trc(folder / "P01.trc")  # put a trial of your own here
+    trial = write_trc(folder / "P01.trc")  # replace this with a trial of your own
     motions = read_trial(trial, subject="P01", motion="abduction", at_deg=range(10, 131, 20))
-    motions = replace(motions, extra=motions.extra.assign(origin="simulated"))  # the report then says so
+    motions = replace(motions, extra=motions.extra.assign(origin="simulated"))  # the report then says "simulated"
 
     models = [load_model("R2")]
     result = adapt_subjects(motions, models)

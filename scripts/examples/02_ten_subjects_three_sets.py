@@ -1,4 +1,4 @@
-"""Ten subjects and three parameter sets: gaps before and after adaptation, and what the adaptation changed.
+"""Ten subjects and three parameter sets: gaps before and after adaptation, and the change of the parameters.
 
 The subjects are the simulated ones that come with the package. On the command line: `girdle adapt
 simulated_subjects.csv --model R2 --model R4 --model R6 --out results`.
@@ -12,7 +12,7 @@ from models import load_model
 
 
 def main() -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Print mean gaps by set, and the parameters of the first subject."""
+    """Print the mean gaps per set, and the parameters of the first subject."""
     motions = shipped_subjects()  # or read_motions("mysubjects.csv", ...)
     result = adapt_subjects(motions, [load_model(name) for name in ("R2", "R4", "R6")])
 

@@ -1,7 +1,7 @@
-"""An effect of your own, and whether the diagnosis finds it: in simulated subjects, so that the truth is known.
+"""Define an effect of your own and check that the diagnosis finds it in simulated subjects, whose truth is known.
 
-The effect: the scapula locator exaggerates lateral rotation by a share of it. To have `girdle diagnose` try it too, put
-the definition into a file in `models/effects/measurement/` as `EFFECT`; nothing has to be registered.
+The effect: the scapula locator exaggerates lateral rotation by a constant percentage. To have `girdle diagnose` try the
+effect too, put its definition into a file in `models/effects/measurement/` as `EFFECT`; no registration is needed.
 """
 
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from motions.rotations import cardan_from_rotation, rotation_from_cardan
 
 
 def less_lateral_rotation(girdle, R_measured, percent):
-    """z_true = z_measured / (1 + share): the second Cardan angle of the scapula, the others are as measured."""
+    """Return the true posture: lateral rotation z_true = z_measured / (1 + percent / 100), other angles as measured."""
     R_clavicle, R_scapula = R_measured
     y, z, x = cardan_from_rotation(R_scapula)
     return girdle, (R_clavicle, rotation_from_cardan(jnp.stack([y, z / (1.0 + percent[0] / 100.0), x])))
@@ -30,7 +30,7 @@ EXAGGERATED = Effect(
 
 
 def main() -> Diagnosis:
-    """Simulate five subjects with the effect, and say which of four causes explains what adaptation leaves."""
+    """Simulate five subjects with the effect, and say which of four causes explains the gap after adaptation."""
     model = load_model("R2")
     simulated = simulate_model_subjects(model, EXAGGERATED, subjects=5, noise_deg=0.5, seed=1)
     print(simulated.truth[["subject", "effect", "amplitude_1"]].round(1).to_string(index=False))

@@ -1,9 +1,9 @@
-"""Derivatives of an adaptation: what do errors of the measured angles do to the adapted girdle of a person?
+"""Derivatives of an adaptation: how do errors of the measured angles change the adapted girdle of a person?
 
-Two kinds of error of a simulated subject: a bias of one degree in scapular tipping, in every posture, and noise that is
-independent in every angle. `adapt_subject` is a JAX function, so both follow from one Jacobian. The SDs stand beside
-those that `girdle trust` has for noise. That one takes the curvature of E without what the residuals add to it, which
-matters along the flat direction of M_y and A_y.
+Two kinds of error of a simulated subject: a bias of one degree in scapular tipping, in every posture, and independent
+noise in every angle. `adapt_subject` is a JAX function, so both effects follow from one Jacobian. The SDs are printed
+beside those of `girdle trust` for noise. `girdle trust` neglects the contribution of the residuals to the curvature of
+E, which matters along the flat direction of M_y and A_y.
 """
 
 import jax
@@ -19,9 +19,9 @@ SUBJECT, MODEL = "simulated02", "breteler_dissection"
 PARAMETERS = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid length")
 
 TIPPING = 5
-"""Of the six angles: scapula_x."""
+"""Index of scapula_x among the six angles."""
 
-# A quarter of the compilation, for a program that runs once.
+# Compilation then takes a quarter of the time, which suits a program that runs once.
 QUICK_TO_COMPILE = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
 
 
@@ -33,12 +33,12 @@ def theta_mm(angles):
 
 
 def main() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Print mm by a degree of tipping bias, and SDs by noise: from the Jacobian, and from `girdle trust`."""
+    """Print mm per degree of tipping bias, and SDs due to noise: from the Jacobian, and from `girdle trust`."""
     motions = shipped_subjects()
     motions = motions.select(motions.subject == SUBJECT)
     slopes = jax.jit(jax.jacrev(theta_mm, has_aux=True), compiler_options=QUICK_TO_COMPILE)
     jacobian, found = slopes(np.deg2rad(motions.angles_deg.T))
-    by_degree = np.deg2rad(np.asarray(jacobian))  # mm a degree, (6 parameters, 6 angles, postures)
+    by_degree = np.deg2rad(np.asarray(jacobian))  # mm per degree, (6 parameters, 6 angles, postures)
 
     bias_mm = by_degree[:, TIPPING].sum(axis=1)
     trust = adapt_subjects(motions, load_model(MODEL), held_out=()).uncertainty

@@ -1,6 +1,6 @@
-"""A person's own model: a parameter set from the landmarks of a trial, adapted beside that of a cadaver.
+"""A person's own model: a parameter set from the landmarks of a trial, adapted beside a cadaver's set.
 
-The person is simulated, with the bones of the set R4; the set that gives what was not measured is R2.
+The person is simulated, with the bones of the set R4; the base set, which supplies the unmeasured numbers, is R2.
 """
 
 import subprocess
@@ -15,7 +15,7 @@ from motions import read_trial
 
 
 def main(folder: Path) -> ParameterSet:
-    """Make the set, print its lengths beside those of R2, and the gaps that both leave."""
+    """Make the set, print its lengths beside those of R2, and the gaps with both sets."""
     trial, own = write_trc(folder / "P01.trc", simulated_landmarks("R4")), folder / "P01.toml"
     # As on the command line: girdle model P01.trc --model R2 --out P01.toml
     subprocess.run([sys.executable, "-m", "adapt", "model", trial, "--model", "R2", "--out", own], check=True)

@@ -1,7 +1,7 @@
-"""Many subjects on a cluster: here two workers in this process, by Dask. Needs the extra `dask`.
+"""Adapt many subjects on a Dask cluster: here two workers in this process. Needs the extra `dask`.
 
-Elsewhere start a scheduler and workers (`dask scheduler`, `dask worker ADDRESS --nthreads 1`), and give its address.
-The subjects are simulated; results do not depend on where they are computed.
+On real machines start a scheduler and workers (`dask scheduler`, `dask worker ADDRESS --nthreads 1`), and pass the
+scheduler's address. The subjects are simulated; results do not depend on where they are computed.
 """
 
 import subprocess
@@ -16,11 +16,11 @@ from motions import write_motions
 
 
 def main(folder: Path) -> pd.DataFrame:
-    """Adapt ten subjects in parts of five, and print how each ended."""
+    """Adapt ten subjects in parts of five, and print the status of each."""
     folder.mkdir(parents=True, exist_ok=True)
     motions = folder / "motions.csv"
     write_motions(shipped_subjects(), motions)
-    # Threads of this process are soon there; for much work leave `processes` and `protocol` out: a process a worker.
+    # Threads start quickly; for much work leave `processes` and `protocol` out: each worker is then a process.
     with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=False, protocol="tcp://", dashboard_address=":0"
     ) as cluster:

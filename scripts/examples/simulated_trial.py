@@ -1,4 +1,4 @@
-"""A simulated trial for the examples, in place of your own: an arm is raised, its landmarks become a .trc file."""
+"""A simulated trial for the examples, in place of your own: the landmarks of a raised arm, written as a .trc file."""
 
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -21,7 +21,7 @@ def shipped_subjects() -> Motions:
 
 
 def simulated_landmarks(model: str) -> dict[str, np.ndarray]:
-    """Place the landmarks (frames, 3) of the first shipped subject's abduction on the bones of a parameter set, mm."""
+    """Place the bones of a parameter set in the first shipped subject's abduction; return landmarks (frames, 3), mm."""
     subjects = shipped_subjects()
     mine = subjects.select((subjects.subject == "simulated01") & (subjects.motion == "abduction"))
     elevation_deg = np.linspace(0.0, 140.0, 71)
@@ -37,7 +37,7 @@ def simulated_landmarks(model: str) -> dict[str, np.ndarray]:
 
 
 def write_trc(path: Path, landmarks_mm: dict[str, np.ndarray] | None = None) -> Path:
-    """Write the landmarks (those of R2, if none are given) as a motion capture system would."""
+    """Write landmarks (by default those of R2) as a motion capture system would."""
     landmarks_mm = landmarks_mm or simulated_landmarks("R2")
     xyz = np.concatenate(list(landmarks_mm.values()), axis=1)
     frames, count = len(xyz), len(landmarks_mm)

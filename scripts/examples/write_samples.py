@@ -1,9 +1,9 @@
-"""The sample trials of `motions/data`, simulated: landmarks as .trc and .c3d, a trial with clusters and its static one.
+"""Write the sample trials of `motions/data`, all simulated: landmarks as .trc and .c3d, a cluster and a static trial.
 
-    python scripts/examples/write_samples.py        # writes them anew: the same numbers
+    python scripts/examples/write_samples.py        # writes the same numbers each time
 
-Each is the abduction of the first shipped subject on the bones of R2 (`simulated_trial.py`). In the cluster trial
-markers on the acromion, the upper arm and the sternum are rigid with their bones: no skin moves.
+Each trial is the abduction of the first shipped subject on the bones of R2 (`simulated_trial.py`). In the cluster trial
+the markers on the acromion, the upper arm and the sternum are rigid with their bones: skin does not move.
 """
 
 import sys
@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 from simulated_trial import RATE_HZ, simulated_landmarks, write_trc
 
 DIGITS, STATIC_FRAMES = 2, 10
-"""Of mm; of the trial in which nothing moves."""
+"""Decimals of positions in mm, and frames of the static trial."""
 
 CLUSTERS = {
     "scapula": ("AC", "TS", "AI", {"AMC1": (-20, 15, 25), "AMC2": (-45, 25, 10), "AMC3": (-35, 5, 45)}),
     "humerus": ("GH", "EM", "EL", {"ARM1": (10, -120, 45), "ARM2": (40, -150, 30), "ARM3": (15, -180, 45)}),
     "thorax": ("IJ", "PX", "C7", {"STE1": (0, -40, -15), "STE2": (25, -60, -15), "STE3": (-25, -60, -15)}),
 }
-"""Origin and two more landmarks of the segment, and its markers, mm from the origin at the first frame."""
+"""Origin and two more landmarks of each segment, and its markers, in mm from the origin at the first frame."""
 
 MAPPING = """\
 unit = "mm"
@@ -35,7 +35,7 @@ thorax = ["STE1", "STE2", "STE3"]
 
 
 def cluster_markers(landmarks_mm: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Carry the markers of each cluster with its segment, ``(frames, 3)``, mm."""
+    """Move the markers of each cluster rigidly with its segment; return positions ``(frames, 3)``, mm."""
     found = {}
     for origin, *others, markers in CLUSTERS.values():
         arms = np.stack([landmarks_mm[name] - landmarks_mm[origin] for name in others], axis=1)

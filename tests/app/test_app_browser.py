@@ -1,4 +1,4 @@
-"""``girdle app`` as a person meets it: files into a real browser, runs, broken files, cancel, the zip."""
+"""``girdle app`` in a real browser, as a user operates it: upload, runs, broken files, cancel, the zip."""
 
 import importlib.util
 import os
@@ -24,12 +24,12 @@ from playwright.sync_api import Page, expect
 
 from scripts.picture_report import DRAWN, browser
 
-has_nicegui = importlib.util.find_spec("nicegui") is not None  # the server alone imports it, a process of its own
+has_nicegui = importlib.util.find_spec("nicegui") is not None  # only the server, a separate process, imports it
 pytestmark = [needs_browser, pytest.mark.skipif(not has_nicegui, reason="nicegui, of the extra app, is not installed")]
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 120.0
-"""After it the page hangs: a diagnosis of two shoulders takes up to a minute on a busy machine."""
+"""Time after which the page counts as hanging: a diagnosis of two shoulders takes up to a minute on a busy machine."""
 
 RECONNECT_S = 0.2
 
@@ -49,14 +49,14 @@ START = (
 
 @pytest.fixture(scope="module")
 def temporary(tmp_path_factory) -> Path:
-    """The temporary folder of the page."""
+    """Return the temporary folder of the page."""
     return tmp_path_factory.mktemp("temporary")
 
 
 @pytest.fixture(scope="module")
 def address(temporary) -> Iterator[str]:
-    """Where the page is served; the server must end by itself when it is told to, with nothing left."""
-    inherited = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # nicegui looks
+    """Start the server and yield its address; at the end it must exit by itself on request and leave no files."""
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # nicegui reads it
     environment = {**inherited, "PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
     with subprocess.Popen(
         [sys.executable, "-c", START], env=environment, cwd=temporary, stdout=subprocess.PIPE, text=True
@@ -71,7 +71,7 @@ def address(temporary) -> Iterator[str]:
 
 
 def wait_for_server(port: int, server: subprocess.Popen) -> None:
-    """Return once it takes connections."""
+    """Wait until the server accepts connections."""
     for _ in range(int(PATIENCE_S * 10)):
         assert server.poll() is None, "the server has ended"
         with suppress(ConnectionRefusedError), socket.create_connection(("127.0.0.1", port), PATIENCE_S):
@@ -82,7 +82,7 @@ def wait_for_server(port: int, server: subprocess.Popen) -> None:
 
 @pytest.fixture(scope="module")
 def window(address) -> Iterator[Page]:
-    """As who asks for less motion sees it: a moving bar, drawn in software, takes as much as what it waits for."""
+    """Open a page with reduced motion: an animated bar, drawn in software, costs as much time as the run itself."""
     with browser() as one:
         page = one.new_page(reduced_motion="reduce")
         page.add_init_script(COARSE)
@@ -94,7 +94,7 @@ def window(address) -> Iterator[Page]:
 
 @pytest.fixture
 def page(window, address) -> Page:
-    """The page, opened anew on a desk."""
+    """Load the page anew in a desktop window."""
     window.set_viewport_size(DESK)
     window.goto(address)
     window.locator("input[type=file]").wait_for(state="attached")
@@ -110,7 +110,7 @@ def give(page: Page, *files: Path) -> None:
 
 
 def test_from_files_to_a_report_and_a_zip(page, tmp_path):
-    """A motion file and a trial whose AC has another name, which the page has to be told."""
+    """A motion file and a trial whose AC has another name, which the user assigns on the page."""
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
     trial = simulated_trial(up_and_down())
@@ -150,13 +150,13 @@ def test_from_files_to_a_report_and_a_zip(page, tmp_path):
 
 
 def test_measured_shoulders_are_diagnosed_and_a_broken_file_beside_them_is_removed(page, tmp_path, measured_files):
-    """Two bone-pin shoulders of a cadaver: a pin shows no skin artefact."""
+    """Two bone-pin shoulders of a cadaver: a bone pin excludes a skin artefact as a cause."""
     shoulders = [path for path in measured_files if re.search(r"bonepin_cadaver2", path.name)]
     give(page, *shoulders, written(tmp_path, ["a,b", "1,2"], "broken.csv"))
     expect(page.get_by_text("broken.csv, line 1: the header has neither angles nor positions")).to_be_visible()
     remove = page.get_by_role("button", name="remove broken.csv")
     remove.click()
-    expect(remove).to_be_hidden()  # from then on it reads anew, and what is clicked meanwhile does nothing
+    expect(remove).to_be_hidden()  # the page then reads the files again and ignores clicks meanwhile
     expect(page.get_by_text(re.compile(f"postures of {len(shoulders)} subjects$"))).to_be_visible()
     page.get_by_role("button", name="Adapt and diagnose").click()
     report = page.frame_locator("iframe.report")
@@ -193,7 +193,7 @@ def test_a_run_is_cancelled_and_a_closed_page_leaves_nothing(page, temporary, tm
 
 
 def wait_for(page: Page, look, count: int) -> list:
-    """What is found once there is so much of it."""
+    """Wait until ``look`` finds this many items, and return them."""
     for _ in range(int(PATIENCE_S * 10)):
         if len(found := look()) == count:
             return found

@@ -1,4 +1,4 @@
-"""Which requests are of the page itself, by what browsers say of them (Fetch standard: Origin, Sec-Fetch-*)."""
+"""Requests accepted as the page's own, by the headers that browsers send (Fetch standard: Origin, Sec-Fetch-*)."""
 
 import asyncio
 
@@ -33,7 +33,7 @@ def test_who_asks(headers, foreign):
 
 
 def answers(kind: str, headers: dict[bytes, bytes]) -> list[dict]:
-    """What is sent where the application inside answers with a policy of its own."""
+    """Return the messages sent for a request to an application that sets a policy header of its own."""
     sent: list[dict] = []
 
     async def inner(_scope, _receive, send) -> None:

@@ -1,4 +1,4 @@
-"""What the page does without a browser: names of uploads, limits, mapping, what was read, child processes, the zip."""
+"""The page without a browser: upload names, limits, mapping, reading messages, child processes, the zip."""
 
 import asyncio
 import os
@@ -26,7 +26,7 @@ from motions import InputError
 ROOT = Path(__file__).parents[2]
 
 ENDS_WITHIN_S = 60
-"""On a machine that is busy with other tests."""
+"""Time limit on a machine that is busy with other tests."""
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_messages_name_the_controls_of_the_page():
     said = pointing_here("Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999")
     assert said == f'Name its marker below, under "{HEADING}", or place it with "SC from IJ" kaptein1999'
     kept = 'turn one round with axes = ["x", "y", "-z"] in a mapping file (--map)'
-    assert pointing_here(kept) == kept  # the page has no control for it
+    assert pointing_here(kept) == kept  # the page has no control for this option, so the text stays
 
 
 def test_the_mapping_is_what_convert_reads():
@@ -178,7 +178,7 @@ def test_a_child_says_how_it_ended_and_can_be_cancelled(tmp_path):
 
 
 def test_a_command_tells_the_page_its_stages(monkeypatch, tmp_path):
-    """Through the pipe that the page reads, and only then."""
+    """The stages go through the pipe that the page reads, and only where there is one."""
     motions, out = written(tmp_path, shipped_lines(1)), tmp_path / "out"
     assert not [line for line in girdle("fit", motions, "--out", out).messages if line.startswith(PROGRESS)]
     monkeypatch.setenv(PROGRESS_LINES, "1")
@@ -202,7 +202,7 @@ def test_a_port_that_is_taken_is_named():
 
 
 def test_a_command_of_the_page_ends_with_the_page():
-    """However that ends, nobody holds the other end of the command's standard input then."""
+    """However the page ends, the other end of the command's standard input is then closed."""
     pytest.importorskip("nicegui", reason="nicegui, of the extra app, is not installed")
     command = [sys.executable, "-P", "-m", "adapt", "app", "--no-browser"]
     environment = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportAssignmentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``girdle check``: the printed matrix of two measurements, screws of which two are wrong, a trial turned by hand."""
+"""``girdle check``: printed matrices of two measurements, rigid motions with two bad landmarks, a rotated trial."""
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ from tests.helpers.command import girdle, refused, written
 from tests.helpers.thesis_tables import DISSECTION, MISPRINTED, MRI, TABLE_4_1
 
 PRINTED_MM = 0.15
-"""As tests/motions/test_distance_matrices.py."""
+"""Rounding of printed distances, explained in tests/motions/test_distance_matrices.py."""
 
 ALIASES = {"SC-J": "SC", "GH-J": "GH"}
 
@@ -39,10 +39,10 @@ def test_table_4_1_comes_out_of_the_coordinates_of_table_4_2(tmp_path):
         if frozenset((row.one, row.other)) not in misprinted:
             assert row.difference_mm == pytest.approx(printed, abs=PRINTED_MM)
             compared += 1
-    assert compared == 6 + 1 + 3 + 3  # thorax, clavicle, scapula, humerus
+    assert compared == 6 + 1 + 3 + 3  # distances of thorax, clavicle, scapula, humerus
     moved = pd.read_csv(tmp_path / "out" / "rigid_motions.csv").set_index("bone")
-    assert moved.loc["humerus", "residual_mm"] < 3.0  # a humerus is a humerus
-    assert moved.loc["thorax", "residual_mm"] > 20.0  # PX and T8 are other places
+    assert moved.loc["humerus", "residual_mm"] < 3.0  # the same bone in both measurements
+    assert moved.loc["thorax", "residual_mm"] > 20.0  # PX and T8 were palpated at other places
 
 
 R = Rotation.from_euler("XYZ", [20.0, -70.0, 35.0], degrees=True)
@@ -75,7 +75,7 @@ def test_screws_of_which_two_were_wrong_are_named_and_left_out_of_the_motion(tmp
 
 
 def test_a_scapula_turned_about_a_known_axis(tmp_path):
-    """AC, TS and AI turned by 40 degrees about z, beside postures of a thorax that rests."""
+    """AC, TS and AI are rotated by 40 degrees about z, with a thorax at rest."""
     turned = rigid_motion(np.eye(3) * 50.0, Rotation.from_euler("Z", 40.0, degrees=True).as_matrix() * 50.0)
     assert turned.angle_deg == pytest.approx(40.0)
     np.testing.assert_allclose(turned.axis, [0.0, 0.0, 1.0], atol=1e-12)
@@ -84,7 +84,7 @@ def test_a_scapula_turned_about_a_known_axis(tmp_path):
 
 
 def trial_file(folder, thorax_mm, **changes):
-    """A table of markers, one row a posture."""
+    """Write a table of markers, one row per posture."""
     columns = {f"{n}_{a}_mm": place[k] for n, place in (thorax_mm | changes).items() for k, a in enumerate("xyz")}
     pd.DataFrame(columns).to_csv(folder / "trial.csv", index=False)
     return folder / "trial.csv"
@@ -125,10 +125,22 @@ def test_a_landmark_that_slipped_is_named(trial, tmp_path):
     TS = trial.thorax_mm["TS"].copy()
     TS[:, 5] += [12.0, 9.0, 0.0]
     ended = girdle("check", trial_file(tmp_path, trial.thorax_mm, TS=TS), "--out", tmp_path / "out")
+    assert "wrong: " in ended.err
     assert "TS" in ended.err
+    assert ended.status == 3
     moved = pd.read_csv(tmp_path / "out" / "rigid_motions.csv")
     scapula = moved[moved["bone"] == "scapula"]
-    assert scapula["residual_most_mm"].idxmax() == scapula.index[4]  # the sixth posture, from the first
+    assert scapula["residual_most_mm"].idxmax() == scapula.index[4]  # rows are postures 2, 3, ... relative to the first
+
+
+def test_a_landmark_that_jumps_or_stands_still_ends_with_the_status_of_a_slip(trial, tmp_path):
+    for name, wrong in (("TS", [80.0, 90.0, 0.0]), ("GH", [0.0, 500.0, 0.0])):
+        jumping = trial.thorax_mm[name].copy()
+        jumping[:, 5] += wrong
+        path = trial_file(tmp_path, trial.thorax_mm, **{name: jumping})
+        ended = girdle("check", path, "--out", tmp_path / name)
+        assert f"{name} is not in its place" in " ".join(ended.err.split())
+        assert ended.status == 3
 
 
 def test_what_cannot_be_checked_is_refused(trial, tmp_path):

@@ -1,4 +1,4 @@
-"""The words and defaults of the options are those of the modules that mean them."""
+"""Option words and default values of the command line equal those of the modules that define them."""
 
 import pytest
 

@@ -1,5 +1,4 @@
-"""The command line as a user meets it: the files it writes, what it says, and its exit status where some subjects are
-not handled."""
+"""The command line as a user sees it: files, messages, and the exit status where some subjects are not handled."""
 
 import hashlib
 import json
@@ -49,13 +48,13 @@ HELDOUT_COLUMNS = [
     *(f"{bone}gap_{word}_deg" for word in ("before", "in_sample", "unseen") for bone in ("", "clavicle_", "scapula_")),
     "status",
 ]
-"""The contract of the files, in order. Scripts of users rely on it: changing one is a new major version."""
+"""Columns of the files, in order. User scripts rely on them: a change is a new major version."""
 
 OPEN_MM = 1e-6
-"""The contract of the files: A1-A3 hold to a nanometre."""
+"""Documented accuracy of the files: A1-A3 hold to a nanometre."""
 
 DRAWN_MM = 0.25
-"""Points and ellipsoids of a report are rounded to tenths: 0.05 in each of a few coordinates."""
+"""Tolerance of a report's points and ellipsoids, which are rounded to tenths: 0.05 in each of a few coordinates."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ class Run:
 
 @pytest.fixture(scope="module")
 def motion(tmp_path_factory) -> Path:
-    """Two shipped subjects: every run of this file has their shapes, so that little is compiled."""
+    """Write two shipped subjects; all runs of this file have these shapes, so that little is compiled."""
     return written(tmp_path_factory.mktemp("motion"), shipped_lines())
 
 
@@ -111,7 +110,7 @@ def test_adapt_writes_its_files_and_nothing_else(adapted):
 
 
 def test_the_report_draws_the_closed_chain(adapted):
-    """TS and AI at their distance to the ellipsoid, the conoid at its length, as far as the page holds them."""
+    """TS and AI keep their distance to the ellipsoid and the conoid its length, to the rounding of the page."""
     data = data_of((adapted.folder / "report.html").read_text())
     (model,) = data["models"]
     girdle = load_model("R2").girdle
@@ -151,20 +150,20 @@ def test_columns_are_the_contracts(fitted, adapted):
 
 
 def test_each_motion_was_held_out_of_an_adaptation(adapted):
-    """Two motions of each subject; what is held out of an adaptation is not fitted better than what it has."""
+    """Two motions of each subject; the gap of a held-out motion is larger than the gap in sample."""
     table = adapted.table("heldout")
     assert table["held_out"].tolist() == ["abduction", "forward_flexion"] * 2
     assert (table["gap_unseen_deg"] > table["gap_in_sample_deg"]).all()
     summary = adapted.table("summary").query("motion == 'all' and subject == 'simulated01'").set_index("adapted")
     for state, word in ((0, "before"), (1, "in_sample")):
         for bone in ("clavicle", "scapula"):
-            gap = table[f"{bone}_gap_{word}_deg"][:2].mean()  # seven postures each
+            gap = table[f"{bone}_gap_{word}_deg"][:2].mean()  # both motions have seven postures
             assert gap == pytest.approx(summary[f"{bone}_deg"][state])
     assert "gap on held-out motions" in " ".join(adapted.ended.out.split())
 
 
 def test_the_summary_says_how_large_the_gap_is_where_a_motion_was_held_out(adapted):
-    """Each motion's is that of heldout.csv; all motions' the mean of them, as both have as many postures."""
+    """The gap of each motion equals heldout.csv, and the gap of all motions their mean, as they have equal lengths."""
     held_out = adapted.table("heldout").set_index(["subject", "held_out"])
     summary = adapted.table("summary").set_index(["adapted", "motion", "subject"])
     for bone in ("clavicle", "scapula"):
@@ -177,7 +176,7 @@ def test_the_summary_says_how_large_the_gap_is_where_a_motion_was_held_out(adapt
 
 
 def test_fits_have_one_row_a_posture_and_state(fitted, adapted):
-    """28 rows in the order of the file, the measured angles as they were, and before the same as without adaptation."""
+    """28 rows in the order of the file, with the measured angles; "before" equals a fit without adaptation."""
     measured = pd.read_csv(fitted.motion)
     fit, both = fitted.table("fits"), adapted.table("fits")
     assert len(fit) == 28
@@ -201,7 +200,7 @@ def test_j_is_what_the_differences_say(adapted):
 
 
 def test_parameters_agree_with_the_fits(adapted):
-    """E = D + 5 mean J in mm^2 and deg^2, the means of J are those of fits.csv, and adapting made E lower."""
+    """E = D + 5 mean J in mm^2 and deg^2, mean J agrees with fits.csv, and the adaptation decreases E."""
     parameters, fits = adapted.table("parameters"), adapted.table("fits")
     assert parameters["subject"].tolist() == ["simulated01", "simulated02"]
     assert set(parameters["status"]) == {status.OK}
@@ -213,7 +212,7 @@ def test_parameters_agree_with_the_fits(adapted):
 
 
 def test_landmarks_enter_e_of_who_has_them_and_the_others_are_named(motion, tmp_path):
-    """TS and AI of the first subject alone, far enough from the ellipsoid to move it."""
+    """Only the first subject has TS and AI, far enough from the ellipsoid to move it."""
     table = pd.read_csv(motion)
     first = table["subject"] == "simulated01"
     for name, xyz in (("TS", (75.0, -60.0, 150.0)), ("AI", (90.0, -160.0, 170.0))):
@@ -243,7 +242,7 @@ def test_priors_are_the_models_own(adapted):
 
 
 def test_a_parameter_at_its_bound_may_be_anywhere_between_its_bounds(adapted):
-    """Its SD is that of a uniform deviation from one end: the distance of the bounds over the root of 3."""
+    """The SD of a parameter at a bound is the distance of the bounds / sqrt(3): uniform deviation from one end."""
     parameters = adapted.table("parameters")
     held = parameters["A_y_mm_at_bound"] == 1
     width_mm = 2.0 * HALF_WIDTHS_MM["A_y_mm"]
@@ -284,7 +283,7 @@ def test_the_record_is_enough_to_repeat_the_run(fitted, adapted):
 
 
 def test_a_repeated_run_writes_the_same_bytes(adapted, tmp_path, monkeypatch):
-    """From another folder, by run.json alone: tables, models, report and the record itself."""
+    """Repeated in another folder from run.json alone: tables, models, report and the record itself are the same."""
     monkeypatch.chdir(tmp_path)
     ended = girdle("adapt", "--repeat", adapted.folder / "run.json", "--out", "again")
     assert (ended.status, ended.messages) == (0, [])
@@ -313,7 +312,7 @@ def test_models_lists_the_six_sets_one_line_each():
 
 
 def test_a_bad_subject_is_named_and_the_others_are_in_the_files(fitted, tmp_path):
-    """The same two good subjects, and one with a word for a number: the good rows are what they are without it."""
+    """Two good subjects and one with a word instead of a number: rows of the good ones do not change."""
     bad = ["bad,abduction,1,0.0,-32.29,eleven,8.35,27.1,7.1,-4.43,simulated"]
     path = written(tmp_path, [*shipped_lines()[:15], *bad, *shipped_lines()[15:]])
     ended = girdle("fit", path, "--model", "R2", "--out", tmp_path / "out")
@@ -350,7 +349,7 @@ def test_a_name_is_printed_as_it_is(tmp_path, name):
 
 
 def test_a_model_that_cannot_reach_says_so(motion, tmp_path):
-    """R4 with a conoid that is shorter than its attachments are apart in any posture."""
+    """R4 with a conoid shorter than the distance of its attachments in any posture."""
     text = (FOLDER / "R4.toml").read_text()
     short = text.replace('name = "R4"', 'name = "R4_2.0"').replace("conoid_length_mm = 13.2", "conoid_length_mm = 2.0")
     model = tmp_path / "short.toml"
@@ -370,7 +369,7 @@ def test_a_model_that_cannot_reach_says_so(motion, tmp_path):
 
 
 def test_no_word_of_a_help_is_cut_at_80_columns(monkeypatch):
-    """Rich cuts what it cannot fold, as the name of an option, with an ellipsis."""
+    """Rich truncates with an ellipsis what it cannot wrap, such as the name of an option."""
     monkeypatch.setenv("COLUMNS", "80")
     for command in {line.split("\t")[0]: None for line in WORDS.read_text(encoding="utf-8").splitlines()}:
         said = girdle(command, "--help").out
@@ -379,7 +378,7 @@ def test_no_word_of_a_help_is_cut_at_80_columns(monkeypatch):
 
 
 def test_effects_are_listed_with_what_a_caller_gives_of_them():
-    """One line each, the name first; as many sizes as directions."""
+    """Each effect has one line that begins with its name; it takes as many sizes as it has directions."""
     ended = girdle("effects")
     assert (ended.status, ended.err) == (0, "")
     lines = dict(line.split(maxsplit=1) for line in ended.out.splitlines())
@@ -392,14 +391,14 @@ def test_effects_are_listed_with_what_a_caller_gives_of_them():
         size_unit, unit = ("", "in no unit") if effect.unit == "1" else (f" {effect.size_unit}", effect.unit)
         assert f"{size_unit}; --effect" in lines[name]
         assert unit in lines[name]
-        read_amplitudes([f"{name}={','.join(places)}"])  # as many numbers as it takes
+        read_amplitudes([f"{name}={','.join(places)}"])  # as many numbers as there are directions
 
 
 # --- what the terminal says ----------------------------------------------------------------------------------------
 
 
 def test_an_adaptation_ends_with_a_verdict_and_has_its_tables_on_demand(motion, adapted, tmp_path):
-    """One verdict a set, folded at 80 columns; the tables of subjects with --tables alone."""
+    """The output has one verdict per set, wrapped at 80 columns; tables of subjects only with --tables."""
     held_out = adapted.table("heldout").query("held_out == held_out")
     gap = held_out["scapula_gap_unseen_deg"].mean()  # both motions of a subject have as many postures
     words = " ".join(adapted.ended.out.split())
@@ -413,7 +412,7 @@ def test_an_adaptation_ends_with_a_verdict_and_has_its_tables_on_demand(motion, 
 
 
 def test_the_causes_of_a_diagnosis_are_adapted_with(motion, tmp_path):
-    """The same numbers as by --effect, and the same record."""
+    """Causes from a diagnosis give the same numbers and the same record as --effect."""
     option = "scapula_landmark_bias=0,5,0"
     (tmp_path / "diagnosis.json").write_text(json.dumps({"options": [option]}))
     by_folder, by_option = tmp_path / "folder", tmp_path / "option"

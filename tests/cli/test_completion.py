@@ -1,4 +1,4 @@
-"""A TAB of the shell: the words are those of the command line, and JAX is not waited for."""
+"""Shell completion: the words are those of the command line, and TAB does not wait for JAX."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ ASKS = "import sys; from adapt.cli.entry import main; main()"
 
 
 def completed(line: str, **environment: str) -> list[str]:
-    """What bash is offered at the end of a line."""
+    """Return what bash offers at the end of a line."""
     asked = {"_GIRDLE_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)}
     code = f"import os; os.environ.update({asked | environment!r}); {ASKS}"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -20,7 +20,7 @@ def completed(line: str, **environment: str) -> list[str]:
 
 
 def test_the_words_are_those_of_the_command_line():
-    """Run `python -m scripts.shell_words` after a change of a command or an option."""
+    """If this fails, run `python -m scripts.shell_words`: a command or an option has changed."""
     assert WORDS.read_text(encoding="utf-8") == shell_words.written()
 
 
@@ -33,7 +33,7 @@ def test_a_tab_offers_commands_and_options(line, expected):
 
 
 def test_a_tab_does_not_wait_for_jax():
-    """The time of a TAB is that of Python and typer."""
+    """A TAB imports neither JAX nor numpy nor pandas."""
     asked = {"_GIRDLE_COMPLETE": "complete_bash", "COMP_WORDS": "girdle ad", "COMP_CWORD": "1"}
     code = (
         f"import atexit, os, sys; os.environ.update({asked!r}); "

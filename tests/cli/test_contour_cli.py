@@ -1,4 +1,4 @@
-"""``girdle contour`` on synthetic slices: from images and clicks to points in mm, and what is said of bad input."""
+"""``girdle contour`` on synthetic slices: from images and clicks to points in mm, and the refusals of bad input."""
 
 import importlib.util
 from dataclasses import dataclass
@@ -27,19 +27,19 @@ WITHIN_MM = 0.1
 SIZE, PIXEL_MM, SLICE_MM = 72, 0.8, 2.5
 
 CENTRE_MM = np.array([31.2, 27.9, 20.0])
-"""Of the head, from the first pixel of the first slice."""
+"""Centre of the head, from the first pixel of the first slice."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """Slices as files, and clicks in the one through the middle."""
+    """Slices as files, and clicks in the middle slice."""
 
     files: list[Path]
     clicks: Path
 
 
 def pictures(count: int = 17, noise: float = 4.0) -> list[np.ndarray]:
-    """Slices through a bright ball, 8 bit."""
+    """Make slices through a bright ball, 8 bit."""
     y, x = np.mgrid[:SIZE, :SIZE] * PIXEL_MM
     generator = np.random.default_rng(3)
     found = []
@@ -51,7 +51,7 @@ def pictures(count: int = 17, noise: float = 4.0) -> list[np.ndarray]:
 
 
 def png_scan(folder: Path, first: int = 4, last: int = 13) -> Scan:
-    """Slices that cut the ball, called s1.png to s10.png: 10 comes after 9."""
+    """Write the slices that cut the ball as s1.png to s10.png; by number, 10 comes after 9."""
     files = []
     for number, image in enumerate(pictures()[first:last], start=first + 1):
         path = folder / f"s{number}.png"
@@ -68,7 +68,7 @@ def png_scan(folder: Path, first: int = 4, last: int = 13) -> Scan:
 
 
 def dicom_scan(folder: Path) -> Scan:
-    """The same in DICOM, turned in the patient's frame, and its files named against their order."""
+    """Write the scan as DICOM, rotated in the patient's frame, with file names against the order of the slices."""
     from pydicom.dataset import Dataset, FileMetaDataset
     from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
@@ -99,7 +99,7 @@ def points_of(path: Path) -> np.ndarray:
 
 
 def test_a_muscle_of_any_name_has_its_volume(tmp_path):
-    """Of slices 5 to 13 of the ball: sum of pi (R^2 - z^2) times 2.5 mm."""
+    """Slices 5 to 13 of the ball have the volume sum of pi (R^2 - z^2) times 2.5 mm."""
     scan, volumes = png_scan(tmp_path), tmp_path / "volumes.csv"
     scan.clicks.write_text(scan.clicks.read_text().replace("humeral_head", "teres major"))
     sizes = "--pixel-mm", PIXEL_MM, "--slice-mm", SLICE_MM, "--volumes", volumes, "--inside", "bright"
@@ -127,7 +127,7 @@ def test_points_of_png_slices_lie_on_the_ball(tmp_path):
 
 
 def test_a_humeral_head_in_dicom_becomes_gh_and_its_radius_in_a_set(tmp_path):
-    """Through `girdle model --points`: 18.5 mm within 0.1, in the frame of the landmarks, the patient's."""
+    """Through `girdle model --points`: radius 18.5 mm within 0.1, in the frame of the landmarks, the patient's."""
     scan, out = dicom_scan(tmp_path), tmp_path / "points.csv"
     said = girdle("contour", *scan.files, "--clicks", scan.clicks, "--out", out, "--inside", "bright")
     assert (said.status, said.messages) == (0, [])
@@ -146,7 +146,7 @@ def test_a_humeral_head_in_dicom_becomes_gh_and_its_radius_in_a_set(tmp_path):
 
 
 def test_slices_in_which_the_contour_left_its_edge_are_named_and_left_out(tmp_path):
-    """Beyond the ball there is nothing to follow."""
+    """Slices beyond the ball have no edge to follow."""
     scan = png_scan(tmp_path, 4, 17)
     sizes = "--pixel-mm", PIXEL_MM, "--slice-mm", SLICE_MM
     said = girdle(
@@ -171,12 +171,12 @@ def typed(window: ClickWindow, key: str) -> None:
 
 
 def drawn(window: ClickWindow) -> bool:
-    """Whether a contour is shown, and not only clicks."""
+    """Check whether a contour is drawn, and not only clicks."""
     return any(np.size(line.get_xdata()) > 50 for line in window.figure.axes[0].lines)
 
 
 def test_the_window_takes_clicks_and_corrections_and_shows_what_they_give(tmp_path):
-    """By matplotlib's own events, without a screen."""
+    """The test sends matplotlib's own events, without a screen."""
     slices = read_slices(png_scan(tmp_path).files, PIXEL_MM, SLICE_MM)
     window = ClickWindow(slices, [], Label(surface="humeral_head"), Settings("bright"))
     for _ in range(4):
@@ -195,7 +195,7 @@ def test_the_window_takes_clicks_and_corrections_and_shows_what_they_give(tmp_pa
     typed(window, "c")
     pressed(window, 20.0, 20.0)
     assert (window.clicks[-1].slice, window.clicks[-1].use) == (5, "correct")
-    assert window.contour is None  # until there are three
+    assert window.contour is None  # a contour needs three clicks
     typed(window, "p")
     assert window.current == 4
     assert not drawn(window)
@@ -216,7 +216,7 @@ def test_without_a_screen_the_window_is_refused(tmp_path):
 
 
 def test_clicks_of_a_window_are_added_to_the_file_and_used(tmp_path, monkeypatch):
-    """With a screen that is only said to be there, and a person who clicks four times in the first slice."""
+    """A fake screen, and a user who clicks four times in the first slice."""
     scan = png_scan(tmp_path)
     windows: list[ClickWindow] = []
     made = ClickWindow.__init__

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``girdle convert`` as a person uses it, and the adapted models that come out of ``girdle adapt``."""
+"""``girdle convert`` as a user runs it, and the adapted models that ``girdle adapt`` writes."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -37,20 +37,21 @@ EXACT = 1e-9
 NOISE_MM = 1.0
 AT = (15, 35, 55, 75, 95, 115, 135)
 SIX_STANDARD_ERRORS = 6.0
-"""A difference of noise alone is larger once in 5e8."""
+"""Tolerance in standard errors: noise alone exceeds it once in 5e8."""
 
 
 @pytest.fixture(scope="module")
 def trials():
-    """Two simulated motions of a girdle that is R2, 100 frames a second."""
+    """Simulate two motions of a girdle that is R2, 100 frames per second."""
     return {plane: simulated_trial(up_and_down(), plane, closed=True) for plane in (0.0, 90.0)}
 
 
 @pytest.fixture(scope="module")
 def converted(trials, tmp_path_factory) -> dict[str, Motions]:
-    """Both trials, twice with other noise of 1 mm, with gaps, z up, through .c3d and the command line: subjects S0, S1.
+    """Convert both trials by the command line, from .c3d files: two subjects S0 and S1 with different noise of 1 mm.
 
-    S0 through .trc too. Two subjects of 14 postures, as in other tests, so that little is compiled.
+    The trials have gaps and z up; S0 is converted from .trc too. Two subjects of 14 postures, as in other tests, so
+    that little is compiled.
     """
     generator = Generator(PCG64(7))
     folder = tmp_path_factory.mktemp("laboratory")
@@ -72,14 +73,14 @@ def converted(trials, tmp_path_factory) -> dict[str, Motions]:
 
 
 def true_at(trial, elevation_deg):
-    """The true angles on the way up; down is the same."""
+    """Interpolate the true angles on the way up; the way down has the same angles."""
     half = len(trial.elevation_deg) // 2
     columns = trial.angles_deg[:half].T
     return np.stack([np.interp(elevation_deg, trial.elevation_deg[:half], column) for column in columns], axis=1)
 
 
 def test_noisy_trials_with_gaps_are_converted_to_within_their_noise(trials, converted):
-    """The error of each angle is within what its own spread and number of frames say."""
+    """The error of each angle is within the limit from its own spread and number of frames."""
     known = [k for k, angle in enumerate(ANGLES) if angle != "clavicle_x"]
     motions = converted["c3d"]
     for plane, trial in trials.items():
@@ -88,11 +89,11 @@ def test_noisy_trials_with_gaps_are_converted_to_within_their_noise(trials, conv
         error = mine.angles_deg - true_at(trial, mine.humerus_elevation_deg)
         spread = mine.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
         standard_error = spread / np.sqrt(mine.extra[FRAMES].astype(float).to_numpy())[:, None]
-        bend_deg = 0.05  # of the angles' curves within the window
+        bend_deg = 0.05  # error of a straight line through the curved angles of the window
         assert (np.abs(error) < SIX_STANDARD_ERRORS * standard_error + bend_deg)[:, known].all()
         single_frame = spread[:, known]
-        assert single_frame.min() > 0.2  # 1 mm over 100-150 mm
-        assert single_frame.max() < 2.5  # and how the closed chain turns within the window
+        assert single_frame.min() > 0.2  # noise of 1 mm over 100-150 mm
+        assert single_frame.max() < 2.5  # noise, and the rotation of the bones within the window
         assert set(mine.extra[ESTIMATED]) == {"yes"}
 
 
@@ -103,9 +104,9 @@ def test_both_kinds_of_file_say_the_same(converted):
 
 
 def test_the_girdle_is_adapted_to_within_the_noise(converted):
-    """R2 adapted to a girdle that is R2: what is left of the gap is the noise of the sampled angles, 0.1-0.3 degrees.
+    """R2 adapted to a girdle that is R2: the remaining gap is the noise of the sampled angles, 0.1-0.3 degrees.
 
-    The axial rotation of the clavicle is left out, because its estimate is not the girdle's own.
+    The axial rotation of the clavicle is left out, because its estimate differs from the girdle's own rotation.
     """
     motions = converted["c3d"]
     angles = motions.angles_deg.copy()
@@ -119,7 +120,7 @@ def test_the_girdle_is_adapted_to_within_the_noise(converted):
     moved_mm = np.abs(result.adapted["R2"].theta_mm - own[:, None])
     assert (
         moved_mm[[1, 2, 4]].max() < 3.0
-    )  # M_z, A_x, A_z; M_y and A_y trade off, the conoid hangs on the axial rotation
+    )  # M_z, A_x, A_z; M_y and A_y trade off, and the conoid length depends on the axial rotation
 
 
 def test_an_adapted_model_loads_again_to_the_same_girdle(tmp_path):
@@ -152,7 +153,7 @@ def test_an_adapted_model_loads_again_to_the_same_girdle(tmp_path):
 
 
 def test_an_adapted_model_keeps_bounds_of_its_own_and_a_failed_one_leaves_nothing(tmp_path):
-    """A semi-axis that may shrink to 1 mm has its lower bound nearer than the upper: half widths are those written."""
+    """A semi-axis of at least 1 mm has its lower bound closer than the upper one; the file keeps the half widths."""
     text = (FOLDER / "R2.toml").read_text().replace("[source]", "[bounds]\nM_y_mm = 20.0\nA_z_mm = 200.0\n\n[source]")
     (tmp_path / "own.toml").write_text(text)
     own = load_model(tmp_path / "own.toml")
@@ -170,7 +171,7 @@ def test_an_adapted_model_keeps_bounds_of_its_own_and_a_failed_one_leaves_nothin
 
 
 def simulated_go_on_as_mot(folder: Path) -> None:
-    """fits.csv as .mot files, one a motion, and its numbers as Parquet."""
+    """Write fits.csv as .mot files, one per motion, and its numbers as Parquet; check them."""
     ended = girdle("convert", folder / "out" / "fits.csv", folder / "mots")
     assert ended.status == 0, ended.err
     files = sorted((folder / "mots").iterdir())
@@ -246,7 +247,7 @@ def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, t
 
 
 def test_a_folder_that_is_not_there_is_made(trials, tmp_path):
-    """The first command of the README names one."""
+    """The first command of the README writes into a folder that does not exist."""
     (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
     ended = girdle("convert", tmp_path / "t.trc", tmp_path / "mysubjects" / "P01.csv", "--at", "0,60")
     assert ended.status == 0, ended.err
@@ -283,7 +284,7 @@ def test_a_map_with_ts_and_ai_swapped_is_refused(trials, tmp_path):
 
 
 def test_a_cropped_trial_is_converted_with_a_warning(trials, tmp_path):
-    """Its header still has the number of frames before it was cropped."""
+    """The header still has the number of frames before cropping."""
     lab = {name: xyz[:, :40] for name, xyz in trials[0.0].thorax_mm.items()}
     (tmp_path / "t.trc").write_text("\n".join(trc_lines(lab, frames_said=600)) + "\n")
     ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv")
@@ -305,7 +306,7 @@ def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", model_names())
 def test_the_opensim_model_places_the_bones_as_this_one_does(name):
-    """Each bone's pose at rest, from the numbers in the file alone and OpenSim's own order of transforms."""
+    """Each bone's pose at rest, computed from the numbers in the file and OpenSim's own order of transforms."""
     girdle_ = load_model(name).girdle
     at = chain_landmarks(girdle_, *bone_rotations(REST_DEG / float(DEG)))
     Q = np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
@@ -332,11 +333,11 @@ def vector(element: ET.Element, tag: str) -> np.ndarray:
 
 
 def opensim_poses(document: ET.Element) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Rotation and origin of clavicle and scapula in the thorax at the default coordinates.
+    """Compute rotation and origin of clavicle and scapula in the thorax at the default coordinates.
 
-    CustomJoint: rotations about its axes in turn. ScapulothoracicJoint: the parent frame turned by 90 degrees about z;
+    CustomJoint: rotations about its axes in turn. ScapulothoracicJoint: the parent frame rotated by 90 degrees about z;
     Simbody's ellipsoid mobilizer Rx(q1) Ry(q2) Rz(q3) at (a sin q2, -b sin q1 cos q2, c cos q1 cos q2) with the radii's
-    x and y swapped; turned back; the child frame. (ScapulothoracicJoint.cpp, extendAddToSystem; winging is 0.)
+    x and y swapped; rotated back; the child frame. (ScapulothoracicJoint.cpp, extendAddToSystem; winging is 0.)
     """
     poses = {}
     joint = next(document.iter("CustomJoint"))
@@ -378,7 +379,7 @@ def constraint_errors_m(document: ET.Element, poses) -> dict[str, float]:
 
 
 def test_the_joints_point_lies_on_the_ellipsoid_and_the_file_is_whole(tmp_path):
-    """The tags that OpenSim's sources name, each once, and every socket points at something that is there."""
+    """The file has each tag that OpenSim's sources require once, and every socket refers to an existing object."""
     ended = girdle("convert", "R4", tmp_path / "R4.osim")
     assert ended.status == 0, ended.err
     document = ET.parse(tmp_path / "R4.osim").getroot()
@@ -419,7 +420,7 @@ def test_file_names_are_safe_and_all_different():
     ],
 )
 def test_a_table_of_fits_that_was_changed_ends_in_a_message(tmp_path, change, cause):
-    """Found by fuzzing."""
+    """Regression test for a fault found by fuzzing."""
     source = tmp_path / "fits.csv"
     source.write_bytes(FITS)
     assert girdle("convert", source, tmp_path / "whole.csv").status == 0
@@ -430,7 +431,7 @@ def test_a_table_of_fits_that_was_changed_ends_in_a_message(tmp_path, change, ca
 
 
 def test_a_diagnosis_nested_too_deep_ends_in_a_message(tmp_path):
-    """Found by fuzzing."""
+    """Regression test for a fault found by fuzzing."""
     (tmp_path / "diagnosis.json").write_text("[" * 5000)
     with pytest.raises(InputError, match=r"not a diagnosis\.json"):
         effects_of(tmp_path)

@@ -1,4 +1,4 @@
-"""``girdle convert`` of a laboratory's day: many files, a mapping that it writes, static trials beside moving ones."""
+"""``girdle convert`` on many files at once: a folder, a mapping that it writes, static trials beside moving ones."""
 
 import numpy as np
 import pytest
@@ -12,12 +12,12 @@ from motions.formats.mot import write_mot
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*(all angles of|same angles|are the same):motions.errors.InputWarning")
-"""The trials here are copies of one, which reading them says."""
+"""The trials here are copies of one, for which reading warns."""
 
 ELEVATIONS = np.linspace(5.0, 125.0, 9)
 PLACE_MM = np.array([300.0, -500.0, 1200.0])
 AMC_MM = {"AMC1": (-10.0, 8.0, 5.0), "AMC2": (20.0, 12.0, -9.0), "AMC3": (5.0, 30.0, 12.0)}
-"""Of the markers of the acromion, from AC in the axes of the thorax: the trials with them are one posture."""
+"""Markers of the acromion, from AC in the axes of the thorax: trials with them have a single posture."""
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def pairs(path):
 
 
 def test_a_folder_with_one_for_each_person(trial, lab, tmp_path):
-    """Files of several kinds in one table, twice: what was written is not read again."""
+    """Files of several kinds become one table; a second run does not read the table that the first one wrote."""
     trc(tmp_path / "P01" / "abduction.trc", lab)
     trc(tmp_path / "P01" / "flexion.trc", lab)
     (tmp_path / "P02").mkdir()
@@ -94,7 +94,7 @@ def test_the_same_motion_in_two_files_counts_once(lab, tmp_path):
 
 @pytest.mark.parametrize("ending", ["csv", "mot"])
 def test_a_file_of_the_laboratory_is_never_replaced(lab, tmp_path, ending):
-    """The name to write to was left out; a file that this command wrote is replaced."""
+    """Without a name to write to, a file of the user is not replaced; a file that this command wrote is."""
     (tmp_path / "a.csv").write_text(text(vicon(lab)))
     last = tmp_path / f"b.{ending}"
     content = text(vicon(lab)) if ending == "csv" else "ik\ninDegrees=yes\nendheader\ntime x\n0 1\n"
@@ -117,7 +117,7 @@ def test_what_many_files_lack_is_said(tmp_path):
 
 
 def test_the_mapping_that_is_written_is_read(lab, tmp_path):
-    """Found names stand there, the others as a comment with the nearest; it serves the file of another person."""
+    """The mapping has the names found, and the others as comments with the nearest; it fits another person's file."""
     names = {"SC": "SCJ", "GH": "glenoid centre"}
     renamed = {f"P01:{names.get(name, name)}": xyz for name, xyz in lab.items() if name != "AA"}
     source = trc(tmp_path / "P01.trc", renamed)
@@ -153,7 +153,7 @@ def test_the_mapping_of_a_file_of_angles(tmp_path):
 
 
 def girdle_csv(folder):
-    """A motion file of nine postures."""
+    """Return the text of a motion file of nine postures."""
     path = folder / "motions.csv"
     if not path.exists():
         lab = in_laboratory(simulated_trial(ELEVATIONS).thorax_mm, np.eye(3), PLACE_MM)
@@ -162,13 +162,13 @@ def girdle_csv(folder):
 
 
 def with_amc(lab):
-    """One posture as a trial of nine frames, with the markers of the acromion."""
+    """Repeat one posture in a trial of nine frames, with the markers of the acromion."""
     still = {name: np.repeat(xyz[:, :1], 9, axis=1) for name, xyz in lab.items()}
     return still | {name: still["AC"] + np.array(place)[:, None] for name, place in AMC_MM.items()}
 
 
 def test_static_trials_beside_the_moving_ones(lab, tmp_path):
-    """``--static static.trc`` is each person's own; it is not converted. GH is placed, and said to be."""
+    """``--static static.trc`` is found beside each person's trials and not converted; GH is placed, with a message."""
     (tmp_path / "lab.toml").write_text('[clusters]\nscapula = ["AMC1", "AMC2", "AMC3"]\n')
     whole = with_amc(lab)
     carried = ("AC", "AA", "TS", "AI", "GH")

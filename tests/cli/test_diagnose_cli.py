@@ -1,4 +1,4 @@
-"""`girdle diagnose` as a user meets it: its files, what the terminal shows, what it refuses, the exit statuses."""
+"""`girdle diagnose` as a user sees it: files, terminal output, refusals, exit statuses."""
 
 import json
 from dataclasses import replace
@@ -26,16 +26,16 @@ from motions import ANGLES, read_motions, write_motions
 TABLES = ("fits.csv", "heldout.csv", "parameters.csv", "summary.csv")
 FILES = sorted(["diagnosis.json", "positions.csv", "report.html", "run.json", LIST, *TABLES, *FIGURES])
 
-# --- the command, the diagnosis itself taken for granted ------------------------------------------------------------
+# --- the command with a fake diagnosis ------------------------------------------------------------------------------
 
 BOTH = {"R4": replace(NOTHING, model="R4", gaps=gap_of(3.0, 3.0)), "R2": TWO}
-"""What two models say; R2 is closer."""
+"""Fake diagnoses of two models; the gap of R2 is smaller."""
 
 AS_IT_IS = {"noise_deg": None, "positions": "use", "position_noise_mm": None}
-"""Options of which none is given."""
+"""Options of the diagnosis where none is given."""
 
 SIX_ANGLES = {"angles": "six"}
-"""The command's own: the diagnosis is asked with the angles already left out."""
+"""Option that the command handles itself: the diagnosis gets motions without the left-out angles."""
 
 ROW = "subject,motion,posture,humerus_elevation_deg," + ",".join(f"{angle}_deg" for angle in ANGLES)
 ROWS = [f"P1,abduction,{k},{30 * k},-30,12,7,32,{10 * k},-10" for k in range(1, 4)]
@@ -43,7 +43,7 @@ ROWS = [f"P1,abduction,{k},{30 * k},-30,12,7,32,{10 * k},-10" for k in range(1, 
 
 @pytest.fixture
 def asked(monkeypatch) -> dict[str, Any]:
-    """What the command asks of the diagnosis, which answers with two hand-made models."""
+    """Replace the diagnosis by one that answers with two hand-made models; return the arguments that it gets."""
     asked: dict[str, Any] = {}
     made = []
 
@@ -146,7 +146,7 @@ def test_without_a_cause_there_is_no_table_of_causes(monkeypatch, asked, tmp_pat
 
 @pytest.mark.parametrize("noise_deg", [None, 1.7])
 def test_a_repeated_diagnosis_asks_the_same_and_writes_the_same_bytes(asked, tmp_path, noise_deg):
-    """The noise, where it was given, and both models, by the record alone."""
+    """The record alone gives the noise, where it was set, and both models."""
     motion, first, again = written(tmp_path, [ROW, *ROWS]), tmp_path / "first", tmp_path / "again"
     given = () if noise_deg is None else ("--noise-deg", noise_deg)
     assert girdle("diagnose", motion, "--model", "R4", "--model", "R2", *given, "--out", first).status == 0
@@ -210,12 +210,12 @@ def test_diagnose_is_part_of_the_python_api():
     assert diagnose.__module__ == "adapt.diagnosis.diagnosis"
 
 
-# --- one diagnosis from end to end ----------------------------------------------------------------------------------
+# --- a real diagnosis -----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory) -> tuple[Ended, Path]:
-    """Three simulated subjects whose scapula was misread, and one with three postures; the noise is given."""
+    """Diagnose three simulated subjects whose scapula has a landmark bias, and one with three postures; noise given."""
     folder = tmp_path_factory.mktemp("diagnose")
     simulated = simulate_model_subjects(load_model("R2"), EFFECTS["scapula_landmark_bias"], 4, 1.5, 3).motions
     rows = np.arange(len(simulated.posture))
@@ -255,7 +255,7 @@ def test_a_subject_with_too_few_postures_is_left_out_and_named(real):
 
 
 def test_a_recorded_trial_is_diagnosed_as_it_was_converted(tmp_path):
-    """Its angles were computed from the landmarks beside them: these are not counted twice."""
+    """The angles were computed from the landmarks in the same file, so the landmarks do not count as well."""
     converted = tmp_path / "trial.csv"
     ended = girdle("convert", SHIPPED.parent / "simulated_trial.trc", converted, "--at", "0,20,40,60,80,100,120")
     assert ended.status == 0

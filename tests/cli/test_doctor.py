@@ -1,4 +1,4 @@
-"""``girdle doctor``: what is installed, what is kept, what is missing with the command that mends it."""
+"""``girdle doctor``: installed packages, cached files, and missing packages with the command that installs them."""
 
 import shlex
 import subprocess
@@ -20,14 +20,14 @@ PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch) -> Path:
-    """A user's cache folder of this test alone."""
+    """Use a separate cache folder of the user for this test."""
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path / "cache")
     return tmp_path / "cache"
 
 
 @pytest.fixture
 def declared(monkeypatch) -> list[str]:
-    """As the metadata of a package built now would have it: that of an installed one may be older."""
+    """Take the requirements from the current source, because the metadata of the installed package may be older."""
     extras = PROJECT["optional-dependencies"].items()
     found = [*PROJECT["dependencies"], *(f'{one.split(";")[0]}; extra == "{e}"' for e, all_ in extras for one in all_)]
     monkeypatch.setattr(doctor, "requires", lambda _: found)
@@ -81,7 +81,7 @@ def test_every_extra_of_a_user_has_its_use():
 
 
 def test_a_compiler_that_fails_is_no_failure(cache, declared, monkeypatch):
-    """XLA then runs the fits."""
+    """Without the compiler XLA runs the fits."""
     assert doctor.machine_code_found().state == doctor.OK
 
     def fail(text):

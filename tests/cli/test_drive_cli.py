@@ -1,4 +1,4 @@
-"""``girdle drive``: coordinates to postures and back, files and refusals."""
+"""``girdle drive``: coordinates to postures and back, its files and refusals."""
 
 import numpy as np
 import pandas as pd
@@ -15,12 +15,12 @@ from tests.helpers.command import girdle, refused, shipped_lines, written
 COORDINATES = ["AC_y_mm", "AC_z_mm", "TS_x_mm"]
 
 ROUND_TRIP_DEG = 1e-9
-"""As tests/models/test_drive.py."""
+"""Tolerance as in tests/models/test_drive.py."""
 
 
 @pytest.fixture(scope="module")
 def closed(tmp_path_factory):
-    """Postures of the shipped subjects that R2 can take, with its landmarks: a motion file."""
+    """Write a motion file: postures of the shipped subjects closed with R2, with its landmarks."""
     home = tmp_path_factory.mktemp("drive")
     written(home, shipped_lines(1))
     assert girdle("fit", home / "motion.csv", "--out", home / "fit").status == 0
@@ -40,7 +40,7 @@ def test_closed_postures_go_to_coordinates_and_back(closed, tmp_path):
     assert driven.status == 0, driven.err
     found = read_motions(tmp_path / "there" / "motions.csv")
     np.testing.assert_allclose(found.angles_deg, motions.angles_deg, atol=1e-6)
-    again = girdle("drive", tmp_path / "there" / "motions.csv", "--out", tmp_path / "again")  # its own AC and TS
+    again = girdle("drive", tmp_path / "there" / "motions.csv", "--out", tmp_path / "again")  # from written AC and TS
     assert again.status == 0, again.err
     np.testing.assert_allclose(
         pd.read_csv(tmp_path / "again" / "driven.csv")[list(ANGLE_COLUMNS)], found.angles_deg, atol=ROUND_TRIP_DEG
@@ -73,7 +73,7 @@ def test_centimetres_are_coordinates_too(tmp_path):
 def test_measured_angles_that_do_not_close_say_by_how_much(tmp_path):
     motions = read_motions(written(tmp_path, shipped_lines(1)))
     found = coordinates_of_postures(motions, load_model("R2"))
-    assert (np.abs(found.residual_mm).max(axis=0) > 0.01).all()  # noise of degrees leaves none closed to that
+    assert (np.abs(found.residual_mm).max(axis=0) > 0.01).all()  # with noise of degrees no posture is closed to 0.01 mm
     assert set(found.status) == {"ok"}
 
 

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Bad subjects, strange subjects and good ones in one run; models that are no girdle; very many postures."""
+"""Bad, unusual and good subjects in one run; invalid models; very many postures."""
 
 import re
 from dataclasses import replace
@@ -21,13 +21,13 @@ from motions import ANGLES, Motions, read_motions
 from motions.rhythm_subjects import DATA_FILE
 
 SAME = 1e-12
-"""Relative: subjects are independent, whoever is in the batch. Sums over other shapes may round otherwise."""
+"""Relative tolerance: results do not depend on the batch, but sums over other shapes may round differently."""
 
 GOOD = ["simulated01", "simulated02"]
 
 
 def of_first(name: str, change) -> list[str]:
-    """The rows of the first shipped subject under another name; ``change`` of its row k and list of six cells."""
+    """Return the first shipped subject's rows under another name, with ``change(k, cells)`` of row k's six cells."""
     lines = []
     for k, line in enumerate(shipped_lines(1)[1:]):
         cells = line.split(",")
@@ -54,12 +54,12 @@ STRANGE = {
     "half_a_turn_apart": of_first("half_a_turn_apart", lambda k, c: ["170", *c[1:]]),
     "three_angles": of_first("three_angles", lambda k, c: [c[0], c[1], "", c[3], "", ""]),
 }
-"""Clavicle and scapula of the third contradict each other; of the fourth nothing is left to tell how good a fit is."""
+"""Valid but unusual subjects. In "half_a_turn_apart" the bones contradict each other; "three_angles" leaves no gap."""
 
 
 @pytest.fixture(scope="module")
 def everyone(tmp_path_factory) -> tuple[Ended, dict[str, pd.DataFrame]]:
-    """`girdle adapt` of two good subjects among the others, and its tables."""
+    """Run `girdle adapt` on two good subjects among the others; return its tables."""
     folder = tmp_path_factory.mktemp("everyone")
     header, *good = shipped_lines(2)
     bad = [line for lines, _ in LEFT_OUT.values() for line in lines]
@@ -84,7 +84,7 @@ def test_who_cannot_be_used_is_named_and_nobody_else(everyone):
 
 
 def test_good_subjects_are_what_they_are_alone(everyone):
-    """To rounding; the file's 17 digits show it."""
+    """Equal to rounding, as the file has 17 digits."""
     _, tables = everyone
     motions = read_motions(DATA_FILE)
     alone = adapt_subjects(motions.select(np.isin(motions.subject, GOOD)), load_model("R2"))
@@ -122,7 +122,7 @@ def test_equal_postures_are_fitted_alike_and_one_posture_is_enough(everyone):
 
 
 def test_angles_without_numbers_from_python():
-    """What the files refuse: an infinite angle counts as not measured, a posture of NaN makes its subject invalid."""
+    """Through Python, an infinite angle counts as not measured, and a posture of NaN makes its subject invalid."""
     motions = read_motions(DATA_FILE)
     part = motions.select(motions.subject == GOOD[0])
     names = ["good", "nan_posture", "infinite", "gap"]
@@ -141,7 +141,7 @@ def test_angles_without_numbers_from_python():
 
 
 def test_contradictory_angles_end_with_closed_chains_or_a_word(tmp_path):
-    """Clavicle and scapula half a turn apart; angles drawn at random; and the good ones among them."""
+    """Clavicle and scapula half a turn apart, and random angles, among good subjects."""
     header, *good = shipped_lines(1)
     numbers = np.random.default_rng(0).uniform(-180.0, 180.0, (14, 6))
     apart = of_first("apart", lambda k, c: ["170", *c[1:]])
@@ -165,7 +165,7 @@ TOO_MANY = 10_000
 
 
 def test_ten_thousand_postures_of_one_subject(tmp_path):
-    """Along a straight line between the first two postures: every fit near the one before."""
+    """Postures on a straight line between the first two postures: every fit is near the one before."""
     header, first, second = shipped_lines(1)[:3]
     low, high = (np.array(line.split(",")[3:10], dtype=float) for line in (first, second))
     rows = low + (high - low) * np.linspace(0.0, 1.0, TOO_MANY)[:, None]
@@ -203,7 +203,7 @@ def test_a_model_that_is_no_girdle_is_status_2(tmp_path, old, new, cause):
 
 
 def test_a_wrong_sign_is_a_warning_of_so_many_subjects(tmp_path):
-    """Adapted they would look well enough; no person's scapula points so with the arm down."""
+    """The adaptation would look good, but no person's scapula has such angles with the arm down."""
     header, *rows = shipped_lines(10)
     flipped = [",".join([*cells[:7], f"-{cells[7]}", *cells[8:]]) for cells in (row.split(",") for row in rows)]
     twice = [row.replace("simulated", "again") for row in flipped]
@@ -216,7 +216,7 @@ def test_a_wrong_sign_is_a_warning_of_so_many_subjects(tmp_path):
 
 
 def test_where_nobody_was_adapted_no_gap_is_given():
-    """It would be that of fits which did not converge."""
+    """The gap would come from fits that did not converge."""
     motions = read_motions(DATA_FILE)
     result = adapt_subjects(motions.select(motions.subject == motions.subjects[0]), load_model("R2"), held_out=())
     nobody = replace(result, parameters=result.parameters.assign(status=status.NOT_CONVERGED))

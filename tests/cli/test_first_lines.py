@@ -1,4 +1,4 @@
-"""What a new user meets first: ``girdle`` alone, ``--version``, ``--help``, shell completion."""
+"""The first output a new user sees: ``girdle`` alone, ``--version``, ``--help``, shell completion."""
 
 import os
 import shlex
@@ -31,7 +31,7 @@ def test_alone_it_says_three_lines_that_do_the_main_job_and_where_help_is():
 
 @pytest.mark.parametrize("line", cli.FIRST_LINES.splitlines()[:3])
 def test_the_lines_are_as_the_commands_take_them(line):
-    """An unknown option, or an argument too many, would be refused while the line is read."""
+    """Parsing the line would refuse an unknown option or a surplus argument."""
     name, *arguments = shlex.split(line, comments=True)[1:]
     command = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]
     assert command.make_context(name, arguments).params
@@ -56,13 +56,13 @@ def test_help_lists_every_command_in_order():
 
 @pytest.fixture
 def as_a_program(monkeypatch):
-    """As the installed command: not as a module of pytest, whose name would stand in the completion."""
+    """Use the name of the installed command: the completion would show that of pytest otherwise."""
     monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_show_completion(monkeypatch, as_a_program, shell):
-    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")  # the shell is named: tests run in none
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")  # tests run outside a shell, so name one
     ended = girdle("--show-completion", shell)
     assert ended.status == 0
     assert f"_GIRDLE_COMPLETE=complete_{shell}" in ended.out
@@ -85,7 +85,7 @@ def test_what_is_typed_is_completed(monkeypatch, as_a_program, typed, offered):
 
 
 def test_a_real_shell_completes(tmp_path):
-    """The shell that it is called from is found, and what it shows works in it."""
+    """A script run in bash detects its shell, and the completion that it prints works there."""
     program = tmp_path / "girdle"
     program.write_text(f"#!{sys.executable}\nfrom adapt.cli.app import main\n\nmain()\n")
     program.chmod(0o700)
@@ -103,7 +103,7 @@ def test_a_real_shell_completes(tmp_path):
 
 
 HEAVY = ("jax", "jaxtyping", "numpy", "pandas", "scipy", "models", "adapt.solvers")
-"""Over a second of a start together: help, the version and a usage error need none of them."""
+"""Libraries that take over a second to import; help, the version and a usage error need none of them."""
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_what_computes_nothing_waits_for_no_library(words, status):
 
 
 NOT_AT_ONCE = ("matplotlib", "scipy", "optimistix", "jaxopt", "plotly", "jinja2", "ezc3d", "nicegui")
-"""Libraries of some commands, together over a second of every start."""
+"""Libraries that only some commands need, together over a second of every start."""
 
 
 def test_an_adaptation_waits_for_no_library_of_others():

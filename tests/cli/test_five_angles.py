@@ -1,4 +1,4 @@
-"""``--angles five``: as a file whose column of the axial rotation is empty, and what is left out of it."""
+"""``--angles five``: the same results as with an empty column of the axial rotation, and what the option refuses."""
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ def six(tmp_path):
 
 @pytest.fixture
 def blank(six, tmp_path):
-    """The same with the axial rotation of the clavicle empty."""
+    """Write the motions with empty cells for the axial rotation of the clavicle."""
     motions = read_motions(six)
     motions.angles_deg[:, 2] = np.nan
     write_motions(motions, tmp_path / "blank.csv")
@@ -23,7 +23,7 @@ def blank(six, tmp_path):
 
 
 TABLES = {"adapt": "parameters", "fit": "fits", "compare": "comparison", "trust": "trust", "muscles": "balance"}
-"""What is compared of each command; that of `girdle diagnose` is in test_diagnose_cli.py."""
+"""Table to compare for each command; test_diagnose_cli.py tests `girdle diagnose`."""
 
 
 @pytest.mark.parametrize(("command", "table"), TABLES.items())
@@ -42,7 +42,7 @@ def test_five_angles_are_an_empty_column(six, blank, tmp_path, command, table):
 
 def test_postures_with_too_few_other_angles_are_left_out(six, tmp_path):
     motions = read_motions(six)
-    motions.angles_deg[0, 3:] = np.nan  # three angles, one of them the axial rotation
+    motions.angles_deg[0, 3:] = np.nan  # three angles are left, one of them the axial rotation
     write_motions(motions, tmp_path / "few.csv")
     ended = girdle("fit", tmp_path / "few.csv", "--angles", "five", "--out", tmp_path / "out")
     assert ended.status == 0

@@ -1,4 +1,4 @@
-"""``girdle model``, and the commands that take the sets: what a person sees, exit statuses, broken inputs."""
+"""``girdle model`` and the commands that use its sets: output, exit statuses, broken inputs."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def persons():
 
 @pytest.fixture(scope="module")
 def folder(persons, tmp_path_factory):
-    """Motions, landmarks and points of three simulated persons, as files."""
+    """Write motions, landmarks and points of three simulated persons as files."""
     home = tmp_path_factory.mktemp("persons")
     write_motions(persons.motions, home / "motions.csv")
     landmark_table(persons).to_csv(home / "landmarks.csv", index=False)
@@ -80,7 +80,7 @@ def test_who_has_no_set_is_left_out_by_name(folder, persons):
 
 
 def table_4_2(tmp_path, **changes):
-    """The landmarks of the dissected cadaver, several postures alike, with columns changed."""
+    """Write the landmarks of the dissected cadaver in several equal postures, with changed columns."""
     names = ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")
     columns: dict[str, object] = {f"{n}_{a}_mm": [DISSECTION[n][k]] for n in names for k, a in enumerate("xyz")}
     table = pd.DataFrame(columns).assign(**changes)
@@ -116,7 +116,7 @@ def test_a_left_shoulder_is_mirrored(tmp_path):
 
 
 def scapula_surface(own: Girdle) -> tuple[np.ndarray, np.ndarray]:
-    """A convex bone through AC, TS and AI of a set, in its scapula frame: corners and triangles."""
+    """Return corners and triangles of a convex bone through AC, TS and AI of a set, in its scapula frame."""
     ends = np.stack([np.zeros(3), own.ts_mm, own.ai_mm], axis=1)
     ball = np.random.default_rng(4).normal(size=(3, 1500))
     bone = np.array([[45.0], [40.0], [25.0]]) * ball / np.linalg.norm(ball, axis=0)
@@ -126,13 +126,13 @@ def scapula_surface(own: Girdle) -> tuple[np.ndarray, np.ndarray]:
 
 
 def placed(corners: np.ndarray, M: np.ndarray) -> np.ndarray:
-    """Corners of the scapula frame, mapped, where the landmarks of the dissection put the bone."""
+    """Map corners of the scapula frame by M and place them where the landmarks of the dissection put the bone."""
     AC, TS, AI = (np.array(DISSECTION[name]) for name in ("AC", "TS", "AI"))
     return AC[:, None] + scapula_frame(AC, TS, AI) @ M @ corners
 
 
 def test_surfaces_of_the_scapula_carry_the_conoid(tmp_path):
-    """Of the generic bone moved by the map of its landmarks, where that carries it; of one half as thick again, off."""
+    """The conoid moves with the surface: as mapped by the landmarks, and half as thick again. An offset is refused."""
     pytest.importorskip("vtkmodules")
     generic = load_model("R2").girdle
     corners, triangles = scapula_surface(generic)
@@ -231,7 +231,7 @@ def test_sc_from_ij_says_so_in_the_file(tmp_path):
 
 
 def test_a_thorax_that_ts_or_ai_is_inside_of_is_warned_of(persons, tmp_path):
-    """Landmarks of a person who is like R2, in a thorax that is 30 mm wider and deeper than R2's."""
+    """The landmarks of a person like R2, with a thorax 30 mm wider and deeper than R2's."""
     text = (FOLDER / "R2.toml").read_text()
     x, y, z = load_model("R2").girdle.semi_axes_mm
     line = next(line for line in text.splitlines() if line.startswith("semi_axes_mm"))
@@ -255,7 +255,7 @@ def test_the_elevation_at_rest_and_the_name_of_the_set_are_said(tmp_path):
     ran = girdle("model", tmp_path / "trial.trc", "--out", tmp_path / "S07.toml")
     assert ran.status == 0, ran.err
     assert "1, arm at 20" in " ".join(ran.out.split())
-    assert f"{tmp_path / 'S07.toml'} written; its name is trial (--subject gives another)\n" in ran.out
+    assert f"{tmp_path / 'S07.toml'} written; its name is trial (--subject is for files without names)\n" in ran.out
     assert "# Taken for rest: 1, arm at 20 degrees." in (tmp_path / "S07.toml").read_text()
 
 
@@ -284,7 +284,7 @@ def test_convert_names_a_landmark_that_slipped(folder, persons):
 
 
 def test_three_angles_leave_nothing_to_adapt_and_say_so(tmp_path):
-    """Motions of R2 itself without noise: it follows the scapula's angles exactly."""
+    """Motions of R2 without noise: with three angles R2 follows the scapula exactly."""
     exact = simulate_model_subjects(load_model("R2"), None, 2, 0.0, 1, spread=0.0).motions
     angles = exact.angles_deg.copy()
     angles[exact.subject == exact.subjects[0], :3] = np.nan

@@ -1,6 +1,6 @@
 # pyright: reportGeneralTypeIssues=false, reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``girdle muscles`` as a person runs it: what it writes, says and refuses."""
+"""``girdle muscles`` as a user runs it: files, messages and refusals."""
 
 import json
 import re
@@ -23,7 +23,7 @@ from motions import write_motions
 from scripts.research.person.simulated_persons import landmark_table, simulate_persons
 
 ALONE_MM = 1e-6
-"""A subject adapted in a batch and alone ends at the same place to rounding; files hold 1e-9."""
+"""Tolerance between a subject adapted in a batch and alone, equal to rounding; files hold 1e-9."""
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_it_writes_a_table_of_each_kind_and_a_figure(run):
     assert len(tables["muscles"]) == 28 * len(lines.muscles)
     assert len(tables["muscle_lines"]) == 2 * 28 * len(lines.name)
     assert set(tables["balance"]["status_before"]) == set(tables["balance"]["status_after"]) == {"ok"}
-    assert (tables["muscle_lines"]["length_mm"] > 10.0).all()  # the long biceps to its via point: 11 mm with the arm up
+    assert (tables["muscle_lines"]["length_mm"] > 10.0).all()  # shortest: long biceps to its via point, 11 mm, arm up
     assert ElementTree.parse(out / "muscle_arms.svg").getroot().tag.endswith("svg")
     assert (out / "parameters.csv").exists()
     assert set(pd.read_csv(out / "heldout.csv")["subject"]) == set(tables["balance"]["subject"])
@@ -91,7 +91,7 @@ def test_it_prints_arms_and_forces_before_and_after(run):
 
 
 def test_its_page_has_the_lines_and_the_arms_of_the_tables(run):
-    """Of every posture and line; see tests/report for what the page makes of them."""
+    """The page has every posture and line; tests/report checks how it shows them."""
     _, out = run
     html = (out / "report.html").read_text(encoding="utf-8")
     assert "takes the arm of the serratus anterior about SC from" in words_of(html)
@@ -139,7 +139,7 @@ def test_persons_have_the_lines_of_their_own_sets_and_who_has_none_is_left_out_b
 
 
 def assert_said(out: str, checks: pd.DataFrame) -> None:
-    """Every check stands on the terminal: among those that all pass, or as a warning with limits and reason."""
+    """Assert that the terminal shows every check: passed in one list, or as a warning with limits and reason."""
     (passed,) = re.findall(r"^own: pass: (.*)$", out, re.MULTILINE)
     for name, rows in checks.groupby("check"):
         outside = int((rows["verdict"] == "warning").sum())

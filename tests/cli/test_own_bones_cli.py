@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``girdle adapt --own-bones``: its files, whatever the chunk; models that are read back; what it refuses."""
+"""``girdle adapt --own-bones``: its files for any chunk size, models that are read back, refusals."""
 
 from pathlib import Path
 
@@ -29,12 +29,12 @@ OWN_COLUMNS = [
     *(f"{size.key}{kind}" for size in SIZES[len(ADAPTED) :] for kind in ("", "_sd")),
     *("adapted_scale", "bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told", "own_bones"),
 ]
-"""The contract of the file: scripts of users rely on it."""
+"""Columns of the file; user scripts rely on them."""
 
 TABLES = ("fits.csv", "parameters.csv", "summary.csv", "heldout.csv")
 
 DRAWN_MM = 0.25
-"""Points and ellipsoids of a report are rounded to tenths."""
+"""Tolerance of a report's points and ellipsoids, which are rounded to tenths."""
 
 
 def run(folder: Path, *arguments: object) -> Ended:
@@ -45,7 +45,7 @@ def run(folder: Path, *arguments: object) -> Ended:
 
 @pytest.fixture(scope="module")
 def adapted(tmp_path_factory) -> Path:
-    """The ten shipped subjects: enough to learn how they differ."""
+    """Adapt the ten shipped subjects: enough to learn how they differ."""
     folder = tmp_path_factory.mktemp("own")
     ended = run(folder, SHIPPED, "--model", "breteler_dissection", "--own-bones")
     (folder / "printed").write_text(ended.out)
@@ -89,8 +89,8 @@ def test_the_terminal_says_how_much_persons_differ(adapted, parameters):
 
 
 def test_adapted_models_have_the_adapted_postures(adapted, motions):
-    """Of files that are read again: from the postures of fits.csv, which may lie in another minimum of J than a fit
-    without them finds."""
+    """Refitting with the models as read from files starts from the postures of fits.csv: J may have another minimum
+    that a fit from scratch finds."""
     fits = pd.read_csv(adapted / "fits.csv")
     fits = fits[fits["adapted"].astype(bool)]
     for name in motions.subjects:
@@ -108,7 +108,7 @@ def test_adapted_models_have_the_adapted_postures(adapted, motions):
 
 
 def test_the_report_draws_the_girdle_of_the_person(adapted, motions):
-    """TS and AI at the person's own distance to the person's own ellipsoid, AC at the end of the clavicle."""
+    """TS and AI have the person's own distance to the person's own ellipsoid; AC is at the end of the clavicle."""
     data = data_of((adapted / "report.html").read_text())
     (model,) = data["models"]
     after, count = model["states"]["after"], len(motions.posture)

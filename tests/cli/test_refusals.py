@@ -1,4 +1,4 @@
-"""Bad input on the command line: exit status 2, one line that says where, what and what to do, nothing written."""
+"""Bad input on the command line: exit status 2, one line with place, cause and remedy, and no files written."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ from models.parameter_sets import FOLDER
 
 @pytest.fixture(scope="module")
 def motion(tmp_path_factory) -> Path:
-    """Two shipped subjects: every run of this file has their shapes, so that little is compiled."""
+    """Write two shipped subjects; all runs of this file have these shapes, so that little is compiled."""
     return written(tmp_path_factory.mktemp("motion"), shipped_lines())
 
 
@@ -107,7 +107,7 @@ def test_a_command_that_cannot_be_understood_is_status_2(arguments):
 
 @pytest.mark.parametrize("option", [("--model", "R4"), ("--effect", "none"), ("--seed", "2")])
 def test_an_option_that_takes_one_is_not_given_twice(tmp_path, option):
-    """The last would win, and the first be lost in silence."""
+    """Otherwise the last value would silently replace the first."""
     ended = girdle("simulate", "--model", "R2", "--effect", "conoid_strain", "--seed", "1", *option, "--out", tmp_path)
     assert ended.status == 2
     assert f"{option[0]} is there 2 times. Give it once." in ended.err
@@ -153,7 +153,7 @@ def test_what_is_no_number_is_refused_by_its_option(arguments, number):
 
 
 def test_the_installed_command_exits_with_2_and_one_line(tmp_path):
-    """As a shell sees it."""
+    """The command runs as a separate process, as from a shell."""
     command = [str(Path(sys.executable).with_name("girdle")), "fit", "no.csv", "--out", "out"]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     refused(Ended(ended.returncode, ended.stdout, ended.stderr), "no.csv", "does not exist", "Check its name")

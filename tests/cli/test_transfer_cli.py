@@ -1,4 +1,4 @@
-"""``girdle transfer`` on bones of which the answer is known: by landmarks, by surfaces, against measured ones."""
+"""``girdle transfer`` on bones with a known answer: by landmarks, by surfaces, against measured attachments."""
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ LANDMARKS = {"AC": (0.0, 0.0, 0.0), "TS": (-119.0, 0.0, 0.0), "AI": (-139.0, -11
 
 
 def to_target(points: np.ndarray) -> np.ndarray:
-    """The target: the source a tenth larger, in a frame of its own."""
+    """Map the source to the target: a tenth larger, in another frame."""
     return 1.1 * R @ points + T
 
 
@@ -34,7 +34,7 @@ def table(name: str, points: dict[str, np.ndarray], shapes: dict[str, str] | Non
 
 @pytest.fixture
 def bones(tmp_path):
-    """Files of both bones: three landmarks and three attachments."""
+    """Write files of both bones: three landmarks and three attachments."""
     own = {"deltoid": np.array([[-10.0, -40.0, -80.0], [5.0, 10.0, 12.0], [3.0, 4.0, 6.0]])}
     own |= {"biceps": np.array([[-20.0], [-15.0], [-25.0]]), "subscapularis": -np.eye(3) * 60.0}
     shapes = {"deltoid": "line", "biceps": "point", "subscapularis": "plane"}
@@ -67,7 +67,7 @@ def test_a_bone_of_the_same_shape_is_carried_exactly_and_compares_as_itself(bone
 
 
 def test_an_attachment_elsewhere_is_large(bones):
-    """30 mm off along each axis: sqrt(3) 30 = 52 mm between the points, which Table 5.3 calls LARGE."""
+    """An error of 30 mm along each axis is sqrt(3) 30 = 52 mm, which Table 5.3 calls LARGE."""
     home, own = bones
     moved = {"biceps": to_target(own["biceps"]) + 30.0}
     written(home, table("attachment", moved), "moved.csv")
@@ -83,7 +83,7 @@ def test_without_measured_ones_the_assumed_error_is_said(bones):
 
 
 def test_surfaces_carry_and_the_carried_points_lie_on_the_target(tmp_path):
-    """Two spheres stretched to bones, of which one is the other turned and a tenth larger; landmarks hold them."""
+    """Two deformed spheres, one the other rotated and a tenth larger; landmarks fix the correspondence."""
     pytest.importorskip("vtkmodules")
     rng = np.random.default_rng(0)
     ball = rng.normal(size=(3, 3000))
@@ -97,7 +97,7 @@ def test_surfaces_carry_and_the_carried_points_lie_on_the_target(tmp_path):
     files = ["--from-surface", tmp_path / "from.stl", "--to-surface", tmp_path / "to.ply"]
     ended = girdle("transfer", tmp_path / "own.csv", *files, "--out", tmp_path / "out")
     assert ended.status == 2
-    assert "--surface-unit" in ended.err  # centimetres of a bone of 15 cm
+    assert "--surface-unit" in ended.err  # the file is in centimetres, for a bone of 15 cm
     write_ply(tmp_path / "to.ply", to_target(bumpy), faces)
     ended = girdle("transfer", tmp_path / "own.csv", *files, "--out", tmp_path / "out")
     assert ended.status == 0, ended.err

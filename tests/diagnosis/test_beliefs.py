@@ -1,4 +1,4 @@
-"""What may be left beside the causes: noise, what each person does, what all do alike."""
+"""Beliefs about the unexplained part: noise alone, a smooth part of each person, and one that all persons share."""
 
 from dataclasses import replace
 
@@ -27,7 +27,10 @@ BIAS = "scapula_landmark_bias"
 
 
 def test_v_is_the_evidence_of_all_beliefs_by_their_weights():
-    """Two listed causes are as probable as one that is not, of 4 candidates of which two are expected."""
+    """Check V against the weighted sum of the evidence over the beliefs.
+
+    The prior expects two of the 4 candidates, and an unlisted cause is as probable as two listed ones.
+    """
     search = searched(BIAS)
     node, candidates = search.best, search.joint.candidates
     at, where = node.posterior, candidates.where(node.hypothesis)
@@ -52,8 +55,11 @@ def test_each_belief_has_none_of_what_the_next_has():
 
 
 def test_of_a_cause_of_the_list_nothing_is_left_and_of_one_outside_it_all():
-    """A course that bends up and down with elevation, alike in all, in the protraction of the clavicle and the lateral
-    rotation of the scapula: 6 degrees, as none of the candidates does."""
+    """Check the unexplained share with a listed cause and with an unlisted one.
+
+    The unlisted one bends up and down with elevation, alike in all persons, by 6 degrees in the protraction of the
+    clavicle and the lateral rotation of the scapula, as no candidate does.
+    """
     assert weigh(searched(BIAS)).unexplained < 0.5
     motions = simulated(subjects=4).motions
     angles = motions.angles_deg.copy()
@@ -67,7 +73,10 @@ def test_of_a_cause_of_the_list_nothing_is_left_and_of_one_outside_it_all():
 
 
 def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch):
-    """Of angles that no set explains: what moves is told by positions alone."""
+    """Check the causes that stand in a rejected set: measured ones, and constants where the best set leaves little.
+
+    Angles alone do not show a movement; positions do.
+    """
     gap, spin = "scapulothoracic_gap", "clavicle_frame_bias"
     named = spin, BIAS, gap
     common = next(one.discrepancy for one in searched(BIAS).beliefs if one.left == "common")
@@ -92,7 +101,7 @@ def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch
 
 
 def with_landmarks(motions: Motions, angles_deg: np.ndarray) -> Search:
-    """Lay out a search with SC, AC, TS and AI of R2 at these angles, to a millimetre."""
+    """Lay out a search with measured SC, AC, TS and AI of R2 at ``angles_deg``, with noise of a millimetre."""
     base, shake = bones(load_model("R2").girdle), np.random.default_rng(2)
     R_C, R_S = (Rotation.from_euler("YZX", one, degrees=True).as_matrix() for one in np.split(angles_deg, 2, 1))
     SC = np.tile(base.sc_mm, (len(angles_deg), 1))
@@ -105,7 +114,7 @@ def with_landmarks(motions: Motions, angles_deg: np.ndarray) -> Search:
 
 
 def test_angles_that_are_too_large_contradict_the_landmarks_and_nothing_stands():
-    """The protraction of the clavicle a third too large: no frame is turned so, and no joint is measured to move."""
+    """Check a clavicle protraction that is a third too large: no frame turns so, and no joint moves."""
     motions = simulated().motions
     wrong = motions.angles_deg * np.array([1.35, 1.0, 1.0, 1.0, 1.0, 1.0])
     search = with_landmarks(replace(motions, angles_deg=wrong), motions.angles_deg).run()
@@ -116,7 +125,8 @@ def test_angles_that_are_too_large_contradict_the_landmarks_and_nothing_stands()
 
 @pytest.mark.parametrize("carried", [True, False], ids=["carried", "on the bone"])
 def test_whether_a_marker_carries_the_landmarks_of_the_scapula_is_told_by_what_turns_its_frame(carried):
-    """The frame is turned in the bone by 8 degrees: landmarks turn with it, or stay."""
+    """Check a scapula frame turned by 8 degrees in its bone: carried landmarks turn with it, those on the bone do
+    not."""
     motions, turned = simulated().motions, Rotation.from_rotvec([8.0, 0.0, 0.0], degrees=True)
     measured = motions.angles_deg.copy()
     of_scapula = Rotation.from_euler("YZX", measured[:, 3:], degrees=True) * turned

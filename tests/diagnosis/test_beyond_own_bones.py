@@ -1,4 +1,4 @@
-"""The null that people have own bones: what is held against it, and what is not."""
+"""The null hypothesis of own bones: the causes that are tested against it, and those that are not."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def null_of(world: str) -> OwnBonesNull:
 
 
 class _Gaps:
-    """Held-out gaps that are given, in place of fits."""
+    """Given held-out gaps, in place of those of fits."""
 
     def __init__(self, null: OwnBonesNull, gaps_deg: dict[tuple[str, ...], list[float]]):
         self.null, self.gaps_deg = null, gaps_deg
@@ -55,8 +55,10 @@ EVERY, WITH_GAP, WITH_AC, ALONE = (BIAS, GAP, AC), (BIAS, GAP), (BIAS, AC), (BIA
     ids=["takes half", "takes less than a tenth", "takes it of one person"],
 )
 def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept, monkeypatch):
-    """By hand: own bones leave 1.0 deg, noise 0.2. AC makes it worse and goes first; a constant of the frame is
-    never held against their prediction."""
+    """Check against gaps set by hand: own bones leave 1.0 deg, noise 0.2.
+
+    AC makes predictions worse and is removed first; a constant of a frame is never tested against own bones.
+    """
     monkeypatch.setattr(OwnBonesNull, "common", lambda *_: 1.0)
     gaps = {
         (): [1.0] * 3,
@@ -74,8 +76,7 @@ def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept, 
 
 
 def test_a_constant_is_named_that_all_have_alike_and_not_one_that_differs():
-    """The scapula's frame turned by 18 deg, as AA in the place of AC turns it, in three persons alike or each its own
-    way."""
+    """Check the scapula's frame turned by 18 deg, as with AA in the place of AC: in all alike, or differently."""
     vectors = {True: [(12.4, 6.1, 11.6)] * 3, False: [(12.4, -6.1, 0.0), (-12.4, 0.0, 11.6), (0.0, 6.1, -11.6)]}
     for alike, own_deg in vectors.items():
         motions = simulated().motions
@@ -93,7 +94,7 @@ def test_a_constant_is_named_that_all_have_alike_and_not_one_that_differs():
 
 
 def test_gains_are_shares_of_what_own_bones_leave_beyond_noise():
-    """(1.0 - 0.6) / (1.0 - 0.2) = half; alike in all persons, without an error."""
+    """Check the gain (1.0 - 0.6) / (1.0 - 0.2) = half; it is alike in all persons, and so has no error."""
     gaps = {(): [1.0] * 3, ALONE: [1.0] * 3, (GAP,): [0.6] * 3, WITH_GAP: [0.6] * 3}
     with _Gaps(null_of(BIAS), gaps) as null:
         found = null.gains(null.budget(WITH_GAP, EVERY), EVERY, FLOOR_DEG)

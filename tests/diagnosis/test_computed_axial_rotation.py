@@ -1,4 +1,4 @@
-"""An axial rotation that was computed is seen, by whatever rule; one that was measured is not taken for it."""
+"""Detection of a computed axial rotation, by whatever rule, and no detection of a measured one."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,11 +24,11 @@ SUBJECTS = 8
 WORLDS = 100
 
 Rule = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Axial rotation from (postures, 6) angles and those at rest, deg."""
+"""Function of (postures, 6) angles and the angles at rest that returns the axial rotation, deg."""
 
 
 def measured(seed: int = 0, axial_noise: float = 1.0, subjects: int = SUBJECTS) -> Motions:
-    """Noise in all angles, in the axial rotation a share of it."""
+    """Simulate noise in all angles; in the axial rotation it is ``axial_noise`` times that of the others."""
     clean = simulate_subjects(subjects, seed=seed, noise_deg=0.0)
     sd = NOISE_DEG * np.array([1.0, 1.0, axial_noise, 1.0, 1.0, 1.0])
     noise = sd * np.random.default_rng(seed).standard_normal(clean.angles_deg.shape)
@@ -36,7 +36,7 @@ def measured(seed: int = 0, axial_noise: float = 1.0, subjects: int = SUBJECTS) 
 
 
 def computed(motions: Motions, rule: Rule) -> Motions:
-    """Every subject's from its lowest posture."""
+    """Replace the axial rotation by a computed one; rest is each subject's lowest posture."""
     angles_deg = motions.angles_deg.copy()
     for rows in motions.rows_by_subject():
         at_rest = angles_deg[rows[np.argmin(np.nan_to_num(motions.humerus_elevation_deg[rows]))]]
@@ -45,12 +45,12 @@ def computed(motions: Motions, rule: Rule) -> Motions:
 
 
 def of_both_joints(angles_deg, at_rest) -> np.ndarray:
-    """The library's, with another zero."""
+    """Apply the library's rule, with another zero."""
     return estimated_axial_deg(angles_deg, at_rest) + 35.0
 
 
 def of_the_ac_joint(angles_deg, _) -> np.ndarray:
-    """The AC joint alone turns least, from the published rest of somebody else; by search."""
+    """Search the rotation that turns the AC joint least, from the published angles at rest of other people."""
     return np.array([_least_turned(one) for one in angles_deg])
 
 
@@ -63,18 +63,18 @@ def _least_turned(one: np.ndarray) -> float:
 
 
 def _joint(angles_deg: np.ndarray) -> Rotation:
-    """R_clavicle_scapula."""
+    """Compute R_clavicle_scapula."""
     clavicle, scapula = (Rotation.from_euler("YZX", part, degrees=True) for part in np.split(angles_deg, 2))
     return clavicle.inv() * scapula
 
 
 def regression(angles_deg, _) -> np.ndarray:
-    """On the angles of the scapula, as rhythms are published."""
+    """Compute the rotation by a regression on the angles of the scapula, as rhythms are published."""
     return 5.0 + angles_deg[:, 3:] @ [0.1, 0.7, 0.3]
 
 
 def none(angles_deg, _) -> np.ndarray:
-    """Given as zero."""
+    """Return zeros."""
     return np.zeros(len(angles_deg))
 
 
@@ -90,7 +90,7 @@ def test_a_rotation_that_was_computed_from_noisy_angles_is_seen(rule):
 
 @pytest.mark.parametrize("rule", ["both joints", "AC joint"])
 def test_a_lag_of_the_scapula_beside_it_does_not_hide_it(rule):
-    """The lag was in the angles from which it was computed."""
+    """Check a skin lag of the scapula in the angles from which the rotation was computed."""
     motions = measured(seed=3)
     lag = EFFECTS["skin_artefact"].strengths(np.array([1.0]), motions)
     true = Rotation.from_euler("YZX", motions.angles_deg[:, 3:], degrees=True)
@@ -118,14 +118,14 @@ def test_bone_pins_measure_it():
 
 
 def test_a_measured_rotation_with_a_third_of_the_noise_is_taken_for_a_computed_one_in_one_of_a_hundred():
-    """At most: of 100, 5 would be seen once in 300 times."""
+    """Check that at most one in a hundred is detected: with that rate, 5 or more of 100 occur once in 300 times."""
     seen = [axial_is_computed(shoulders_of(measured(seed, axial_noise=1.0 / 3.0))) for seed in range(WORLDS)]
     assert sum(seen) < 5
     assert not any(axial_is_computed(shoulders_of(measured(seed))) for seed in range(WORLDS))
 
 
 def test_what_it_cannot_see():
-    """Noise that came afterwards; few postures; no noise."""
+    """Check cases beyond detection: few postures, noise added after the rotation was computed."""
     assert not axial_is_computed(shoulders_of(computed(measured(subjects=1), of_both_joints)))
     clean = computed(simulate_subjects(SUBJECTS, seed=0, noise_deg=0.0), of_both_joints)
     noise = NOISE_DEG * np.random.default_rng(1).standard_normal(clean.angles_deg.shape)

@@ -1,4 +1,4 @@
-"""How far constraints are from holding: cases solved by hand, and automatic derivatives for the noise."""
+"""Size of constraint violations at the measured postures: cases by hand, and the noise by automatic derivatives."""
 
 from dataclasses import replace
 
@@ -16,29 +16,29 @@ from motions.rhythm_subjects import shipped_subjects
 from motions.rotations import DEG
 
 ROUNDING_MM = 1e-9
-"""Of a distance that is taken from another one."""
+"""Rounding of a difference between two distances."""
 
 SLOPES = 1e-9
-"""Relative, of slopes by two ways through the same geometry."""
+"""Relative tolerance for derivatives through the same geometry in two ways."""
 
 NOISE_DEG = 1.5
 
 
 @pytest.fixture(scope="module")
 def data() -> Observed:
-    """The shipped subjects, simulated."""
+    """The shipped (simulated) subjects."""
     return observe(shipped_subjects(), posture_rows(shipped_subjects()))
 
 
 @pytest.fixture(scope="module")
 def chain(data: Observed) -> Girdle:
-    """R2, as it is, for each of them."""
+    """R2 without adaptation, for each subject."""
     girdle = jax.tree.map(np.asarray, load_model("R2").girdle)
     return girdle.repeated(len(data.subjects)).over_postures()
 
 
 def spread(data: Observed, *chains: Girdle) -> list[ConstraintSpread]:
-    """With the noise of the module."""
+    """Compute the spread of an adapted chain and of one with causes, with ``NOISE_DEG``."""
     adapted, with_causes = chains
     return constraint_spread(data, adapted, with_causes, NOISE_DEG)
 

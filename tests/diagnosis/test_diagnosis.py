@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportOptionalSubscript=false, reportArgumentType=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result; levels are there in these worlds)
-"""The whole diagnosis: on a simulated world with one cause, and on the measured shoulders if they are there."""
+# (pandas types nearly every result as "Series | DataFrame | scalar"; the levels exist in these worlds)
+"""The whole diagnosis: on simulated worlds with one cause or none, and on the measured shoulders where available."""
 
 from dataclasses import replace
 
@@ -28,24 +28,25 @@ from motions.table import ANGLES
 BIAS = "scapula_landmark_bias"
 
 AA_FOR_AC = 1.5
-"""Times a typical bias: AA in the place of AC, 18 deg (Ludewig 2010). Of three persons less may be their own."""
+"""Size in typical biases: AA in the place of AC, 18 deg (Ludewig 2010). In three persons, own bones explain less."""
 
 SAME_DEG = 1e-6
-"""One meaning of 'adapted': the numbers of the diagnosis are those of `girdle adapt` and `girdle adapt --effect`."""
+"""Tolerance for gaps against those of `girdle adapt` and `girdle adapt --effect`."""
 
 SAME_MINIMUM_DEG = 1e-3
-"""Of bones without an axial rotation, whose minima lie side by side: a diagnosis adapts more parts of a person, and
-each part may find a lower one where another ended."""
+"""Tolerance for own bones without an axial rotation, where several minima lie close together: a diagnosis adapts more
+parts of a person, and a part may find a lower minimum from the end of another."""
 
 HELD_OUT_DEG = {"breteler_dissection": (1.5, 1.1), "breteler_mri": (1.7, 1.4)}
-"""Scapula, clavicle, with the causes that are named, on motions that were not fitted. What a diagnosis must reach to be
-of use; set when the sets left 3.0 and 2.6, 2.5 and 2.4 without causes. Completed anew they leave 2.0 and 1.3."""
+"""Largest gap of scapula and clavicle with the named causes on held-out motions, for a diagnosis of use. The limits
+were set when the sets left 3.0 and 2.6, 2.5 and 2.4 without causes. With their present completion they leave 2.0 and
+1.3."""
 
 SHOULDERS = {"breteler_dissection": "bonepin_cadaver[23]_*.csv", "breteler_mri": "bonepin_cadaver[12]_*.csv"}
-"""Six take twice as long as four, and say the same."""
+"""Four shoulders: six take twice as long, with the same result."""
 
 RATIO, PERSON_DEG = 0.65, 1.25
-"""Of the held-out gap of all angles with the causes to that without; and that gap on persons not fitted either."""
+"""Largest ratio of the held-out gap with the causes to the gap without, and largest gap on held-out persons."""
 
 
 @pytest.fixture(scope="module")
@@ -68,12 +69,12 @@ def test_the_hidden_cause_is_named_and_takes_the_gap_away(biased):
 
 
 def adapted_with(found: Diagnosis, motions: Motions) -> Adaptations:
-    """What `girdle adapt --own-bones` makes of all that a diagnosis says."""
+    """Run `girdle adapt --own-bones` with all causes and options of a diagnosis."""
     return adapt_subjects(motions, load_model(found.model), effects=found.effects, own_bones=True)
 
 
 def test_the_options_of_diagnosis_json_repeat_the_adaptation_exactly(biased):
-    """To the last bit of each amplitude."""
+    """Check amplitudes bit by bit."""
     assert biased.effects
     assert read_known(as_json(Diagnoses({"R2": biased}))["options"]) == Known(biased.effects)
 
@@ -98,8 +99,10 @@ def test_adapted_means_what_girdle_adapt_reports(biased):
 
 
 def slipped(degrees: float, mark: str):
-    """Nothing hidden, but TS slipped in two postures of each subject: the scapula is turned there by so much about z.
-    Landmarks off by centimetres do that."""
+    """Simulate subjects without a cause, in whom TS slipped in two postures each.
+
+    The slip turns the scapula about z by ``degrees`` there, as landmarks off by centimetres do.
+    """
     motions = simulated().motions
     rows = np.flatnonzero(np.isin(motions.posture, (3, 4)) & (motions.motion == motions.motion[0]))
     angles_deg, marks = motions.angles_deg.copy(), np.full(len(motions.posture), "", object)
@@ -110,7 +113,7 @@ def slipped(degrees: float, mark: str):
 
 
 def test_postures_with_a_slip_are_left_out_and_named():
-    """Marked, the slips cost their postures; not marked, they spoil the gap and what is said of it."""
+    """Check that marked slips cost only their postures; unmarked ones spoil the gap and the diagnosis."""
     effects, model = [EFFECTS[name] for name in CANDIDATES], load_model("R2")
     motions, rows = slipped(25.0, "TS")
     found = diagnose(motions, model, effects=effects)["R2"]
@@ -152,7 +155,7 @@ def test_nothing_is_found_where_nothing_is_hidden():
 
 
 def test_one_motion_of_one_person_names_no_cause():
-    """Postures between others are interpolated by what is not there."""
+    """Check a single motion: postures between others can be interpolated without any cause."""
     motions = simulated(BIAS, size=AA_FOR_AC).motions
     one = motions.select(np.isin(motions.subject, motions.subject[:1]) & np.isin(motions.motion, motions.motion[:1]))
     found = diagnose(one, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
@@ -163,7 +166,7 @@ def test_one_motion_of_one_person_names_no_cause():
 
 
 def test_noise_that_was_assumed_does_not_make_a_gap_none():
-    """Six postures of one person, four times what noise alone would leave, are not 'nothing beyond noise'."""
+    """Check six postures of one person, with four times the gap of noise alone: not 'nothing beyond noise'."""
     motions = simulated(BIAS, size=AA_FOR_AC).motions
     one = motions.select(np.isin(motions.subject, motions.subject[:1]) & (motions.posture <= 6))
     one = one.select(np.isin(one.motion, one.motion[:1]))
@@ -175,7 +178,7 @@ def test_noise_that_was_assumed_does_not_make_a_gap_none():
 
 
 def test_an_estimate_of_the_axial_rotation_is_named_without_a_size_where_nothing_can_be_tested():
-    """The angles of one motion of one person show that it is one; nothing shows how large it is."""
+    """Check one motion of one person: angles show that the rotation was computed, but not its error."""
     every = simulated(noise_deg=1.5).motions
     first = (every.subject == every.subject[0]) & (every.motion == every.motion[0])
     motions = every_frame(every.select(first), 8)
@@ -198,7 +201,7 @@ def test_without_a_candidate_there_is_nothing_to_search():
 
 
 def test_an_angle_that_was_not_measured_counts_nowhere():
-    """The gaps are of the other angles; no mark speaks of the angle."""
+    """Check that gaps are those of the other angles, and that a mark about the unmeasured angle is ignored."""
     motions = simulated(noise_deg=1.5).motions
     angles_deg = motions.angles_deg.copy()
     angles_deg[:, 2] = np.nan
@@ -213,7 +216,7 @@ def test_an_angle_that_was_not_measured_counts_nowhere():
 
 @pytest.mark.parametrize("name", HELD_OUT_DEG)
 def test_measured_shoulders_are_predicted_and_no_pin_is_contradicted(name, measured_files):
-    """Bones of their own and what is named beside them predict motions and persons that were not fitted."""
+    """Check held-out gaps of measured shoulders with own bones and causes, none of which contradicts bone pins."""
     files = [file for file in measured_files if file.match(SHOULDERS[name])]
     found = diagnose(read_motions(*files), load_model(name))[name]
     named = {one for cause in found.verdict.causes for one in cause.names[:1]}

@@ -1,4 +1,4 @@
-"""Where the gap lies: cases solved by hand, and what must not matter."""
+"""Location of the gap: cases solved by hand, and independence of padding and unmeasured angles."""
 
 import json
 from dataclasses import asdict, astuple, replace
@@ -13,14 +13,14 @@ from adapt.diagnosis.location.observations import Observed
 from motions.table import ANGLES
 
 EXACT = 1e-9
-"""Degrees, millimetres and fractions: rounding of angles (1e-14 deg) with room for sums and square roots."""
+"""Tolerance in degrees, millimetres and fractions: rounding of angles (1e-14 deg), with room for sums and roots."""
 
 ARC_DEG = np.arange(0.0, 151.0, 30.0)
 """Six elevations."""
 
 
 def observed(values: np.ndarray, elevation_deg: np.ndarray, motion: np.ndarray | None = None) -> Observed:
-    """All angles measured; elevations (and motions) are those of every subject."""
+    """Lay out subjects with all angles measured, and with the same elevations (and motions) for every subject."""
     postures, subjects = values.shape[1:]
     number = np.zeros(postures, int) if motion is None else motion
     return Observed(
@@ -39,21 +39,21 @@ def gap_of(
     elevation_deg: np.ndarray | None = None,
     motion: np.ndarray | None = None,
 ) -> AngleGaps:
-    """Simulated angles 0; measured ones less by the difference, so that differences are simulated less measured."""
+    """Make gaps from differences, simulated less measured, with simulated angles of 0."""
     elevation_deg = ARC_DEG if elevation_deg is None else elevation_deg
     data = observed(np.deg2rad(-difference_deg), elevation_deg, motion)
     return AngleGaps(data, np.zeros(difference_deg.shape), np.full(difference_deg.shape, noise_deg2))
 
 
 def course(values_deg: np.ndarray, angle: int = 4) -> np.ndarray:
-    """The difference of one angle of one subject, others 0."""
+    """Return the differences of one subject: ``values_deg`` in one angle, 0 in the others."""
     difference = np.zeros((6, len(values_deg), 1))
     difference[angle] = values_deg[:, None]
     return difference
 
 
 def test_one_cell_holds_the_whole_gap():
-    """Two of six postures, 3 and 5 deg, lie in 60-120 deg of one angle; noise of the others is not negative gap."""
+    """Check two of six postures, 3 and 5 deg in one bin of one angle; noise in other cells is no negative gap."""
     difference = course(np.array([0.0, 0.0, 3.0, 5.0, 0.0, 0.0]), angle=3)
     found = cells(gap_of(difference, noise_deg2=0.5, elevation_deg=np.array([0.0, 30.0, 60.0, 89.0, 90.0, 120.0])))
     first = found[0]
@@ -78,7 +78,7 @@ def test_cells_are_ranked_by_what_noise_does_not_explain():
 
 
 def test_profile_by_hand():
-    """Differences 6 and -2 deg of the clavicle's y in two postures, each in a motion of its own."""
+    """Differences of 6 and -2 deg in the clavicle's y in two postures of different motions."""
     difference = np.zeros((6, 2, 1))
     difference[0, :, 0] = (6.0, -2.0)
     gap = gap_of(difference, np.pi / 2.0, np.array([15.0, 45.0]), np.array([0, 1]))
@@ -96,7 +96,7 @@ def test_profile_by_hand():
 
 
 def test_what_noise_alone_would_leave():
-    """1 and 9 deg^2 in one cell: the cell says sqrt(2/pi) of their rms, the profile the mean of both expectations."""
+    """1 and 9 deg^2: the cell has sqrt(2/pi) of their root mean square, the profile the mean of both expectations."""
     gap = gap_of(course(np.array([3.0, -4.0])), elevation_deg=np.array([0.0, 10.0]))
     gap.noise_deg2[:, 1] += 9.0
     gap.noise_deg2[:, 0] += 1.0
@@ -105,7 +105,7 @@ def test_what_noise_alone_would_leave():
 
 
 def random_gap(seed: int) -> AngleGaps:
-    """Three subjects, eight postures: gaps of a few degrees, some postures and some angles not measured."""
+    """Draw three subjects and eight postures: gaps of a few degrees, some postures and some angles unmeasured."""
     generator = np.random.default_rng(seed)
     values, simulated = (0.5 * generator.standard_normal((6, 8, 3)) for _ in range(2))
     measured = generator.random((6, 8, 3)) < generator.choice([0.5, 0.95])
@@ -173,7 +173,7 @@ def test_nothing_measured_gives_nothing():
 
 
 def plain(value) -> bool:
-    """Made of JSON types only; NumPy's floats, which are Python's too, are not."""
+    """Check that a value consists of JSON types only; NumPy's floats, which are also Python floats, are refused."""
     if type(value) in (dict, list):
         parts = [*value, *value.values()] if isinstance(value, dict) else value
         return all(map(plain, parts))
@@ -188,7 +188,7 @@ def test_results_are_plain_json():
 
 
 def test_constraint_residuals_by_hand():
-    """A1 grows by 3 mm in 90 deg in both motions, from 0 and from 10 mm; A2 is 4 mm; the last lacks an angle."""
+    """A1 grows by 3 mm per 90 deg in both motions, from 0 and from 10 mm; A2 is 4 mm; the last lacks an angle."""
     elevation, motion = np.array([0.0, 45.0, 90.0, 60.0, 150.0, 90.0]), np.array([0, 0, 0, 1, 1, 1])
     data = observed(np.zeros((6, 6, 1)), elevation, motion)
     data.measured[2, 5] = False

@@ -1,4 +1,4 @@
-"""Search, weights, names, intervals and noise on small simulated worlds, and the parts that can be checked by hand."""
+"""Search, weights, names, intervals and noise on small simulated worlds, and their parts by hand."""
 
 import itertools
 from dataclasses import replace
@@ -35,17 +35,17 @@ from motions import Motions
 BIAS = "scapula_landmark_bias"
 
 SAME_DEG = 1e-3
-"""Of adaptations that end at a decrease of 1e-4 beside those that end where nothing moves."""
+"""Tolerance between adaptations that end at a decrease of 1e-4 and adaptations that fully converge."""
 
 AT_THE_MODE = 0.3
-"""In posterior SDs of the amplitudes, all together: what is not linear between the two modes, and what steps leave."""
+"""Largest distance of two modes, in posterior SDs of all amplitudes: nonlinearity, and unfinished steps."""
 
 SAME_NATS = 0.05
-"""Of one mode from two starts, which ends where a step gains a hundredth of a nat."""
+"""Tolerance for one mode from two starts: a search ends where a step gains a hundredth of a nat."""
 
 SHARE = 0.1
-"""Of the mean bias, 10 degrees: three errors of a constant angle from 14 postures with 0.3 degrees of noise, and what
-of it is taken from the mean."""
+"""Tolerance for a share of the mean bias, 10 degrees: three errors of a constant angle from 14 postures with 0.3
+degrees of noise, and the shrinkage to the mean."""
 
 
 def test_left_and_right_of_a_person_are_held_out_together():
@@ -80,7 +80,7 @@ def test_few_postures_of_a_motion_are_taken_from_end_to_end():
 
 
 def test_amplitudes_of_a_fold_are_those_of_data_without_what_it_holds_out():
-    """The mode of the shoulders and motions that are left, found from nothing, is where the linear model says."""
+    """Check a fold's amplitudes, from the linear model, against the mode of the remaining shoulders and motions."""
     search, hypothesis = searched(BIAS), (BIAS,)
     joint, at = search.joint, search.mode(hypothesis)
     found = held_out_amplitudes(search.folds, joint.candidates, hypothesis, at, search.likelihood_without)
@@ -100,14 +100,14 @@ def test_amplitudes_of_a_fold_are_those_of_data_without_what_it_holds_out():
 
 
 def adapted(motions: Motions, model: ParameterSet, effects: Amplitudes = NO_EFFECTS, k: float = 1.0) -> AdaptedGaps:
-    """The gaps of `girdle adapt --effect --thorax-downweighting k`."""
+    """Compute the gaps of `girdle adapt --effect --thorax-downweighting k`."""
     folds, weight = motions_and_thirds(motions), down_weighted(WEIGHT, k)
     person = {name: number for number, name in enumerate(motions.subjects)}
     return gaps_of(adapt_with_folds(posture_rows(motions, effects), [model], folds, weight), person)
 
 
 def test_the_gaps_of_the_tables_of_several_sets_are_those_of_a_diagnosis_alone():
-    """To the last bit: one adaptation serves both."""
+    """Check bitwise equality: one adaptation serves the tables of several sets and the diagnosis."""
     motions, R2 = simulated().motions, load_model("R2")
     person = {name: k for k, name in enumerate(motions.subjects)}
     shared = adapt_with_every_fold(motions, [load_model("R4"), R2]).of("R2")
@@ -138,7 +138,10 @@ def test_a_hidden_bias_is_named_with_its_size():
 
 
 def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause_and_persons_drawn_anew():
-    """The mean of their means; the mean of their covariances, and the covariance of their means."""
+    """Check draws against the posteriors of all sets with the cause, each with persons drawn anew.
+
+    The mean is the mean of their means; the variance is the mean of their variances plus the variance of their means.
+    """
     search, means, variances = searched(BIAS), [], []
     within = [node for node in search.usable if BIAS in node.hypothesis]
     for node in within:
@@ -157,14 +160,15 @@ def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause
 
 
 def test_a_share_is_of_what_amplitudes_do_at_the_postures():
-    """By hand: one direction of a course 0, 1, 2 with 2 a unit there, and a bend 0, 1, 0 that is not in the mean."""
+    """Check shares by hand: a course 0, 1, 2 of amplitude 2, and a bend 0, 1, 0 that the mean does not have."""
     columns, a = np.array([[[0.0, 1.0, 2.0]], [[0.0, 1.0, 0.0]]]), np.array([2.0, 0.0])
     shares = share_of(np.array([[2.0, 0.0], [-1.0, 0.0], [2.0, 5.0], [0.0, 5.0]]), a, columns)
-    np.testing.assert_allclose(shares, [1.0, -0.5, 1.5, 0.5])  # the bend does (0, 5, 0) x (0, 2, 4) / 20 of it
+    np.testing.assert_allclose(shares, [1.0, -0.5, 1.5, 0.5])  # the bend adds (0, 5, 0) x (0, 2, 4) / 20
 
 
 def test_the_interval_of_a_size_is_that_of_its_share():
-    """Of one number it is that of the number; the length of draws that err in all directions is no such interval."""
+    """Check the interval of the size against draws projected on the mean; the length of a draw with errors in all
+    directions would give another interval."""
     search = searched(BIAS)
     size = amplitudes(search, name_causes(search).hypothesis, ())[BIAS]
     a = np.array([one.value for one in size.directions.values()])
@@ -184,7 +188,7 @@ def test_a_candidate_is_the_same_as_itself():
 
 
 def test_a_candidate_that_does_nothing_is_like_no_other():
-    """A course over the elevation of the arm where nobody measured it."""
+    """Check a candidate without effect on y, such as a course over elevations that nobody measured."""
     at = searched().without_causes
     Z = at.Z.copy()
     Z[..., len(ADAPTED) + at.joint.candidates.where((BIAS,))] = 0.0
@@ -238,15 +242,14 @@ def test_the_first_name_of_each_cause_is_the_one_that_is_sized_and_the_others_go
 
 
 def test_a_cause_of_which_the_data_say_nothing_is_about_as_probable_as_before_them():
-    """Two of four candidates are expected to be active; without a hidden effect none is far above that, and what is
-    probable of each is counted though the search fitted few sets."""
+    """Check inclusion probabilities without a hidden cause: two of four are expected, and none is high."""
     weights = weigh(searched())
     assert all(0.0 < p < 0.8 for p in weights.inclusion.values())
     assert sum(weights.probability.values()) == pytest.approx(1.0)
 
 
 def test_persons_are_drawn_with_both_shoulders_and_count_as_much_as_they_are_many():
-    """Of three persons the weights of one have the density 2 (1 - w/3) / 3: an SD of 1 / sqrt(2)."""
+    """Check the SD 1 / sqrt(2) of a weight: with three persons it has the density 2 (1 - w/3) / 3."""
     times = resampled_persons(np.array([0, 0, 1, 2]))
     assert (times[:, 0] == times[:, 1]).all()
     np.testing.assert_allclose(times[:, 1:].sum(axis=1), 3.0)
@@ -257,7 +260,7 @@ def test_persons_are_drawn_with_both_shoulders_and_count_as_much_as_they_are_man
 
 
 def test_of_twice_as_many_persons_a_size_spreads_as_the_mean_of_those_that_were_measured():
-    """The posterior of the mean of 2 n persons has s^2 / 2 n; and what differs between draws is that again."""
+    """Check draws of 2 n persons: their mean varies by s^2 / 2 n within and between draws."""
     persons, values = 8, np.random.default_rng(1).standard_normal(8)
     times = resampled_persons(np.arange(persons), 2.0)
     np.testing.assert_allclose(times.sum(axis=1), 2.0 * persons)
@@ -267,7 +270,8 @@ def test_of_twice_as_many_persons_a_size_spreads_as_the_mean_of_those_that_were_
 
 
 def test_landmarks_that_show_neither_cause_tell_both_apart_by_the_noise_of_the_angles():
-    """A thorax that is tilted, and bones that leave it: no landmark says so, but where the bones are."""
+    """Check proposals to separate a tilted thorax from bones that leave it: SC and AC show neither cause, but show
+    where the bones are without the noise of the angles."""
     search, names = searched("thorax_tilt"), ("thorax_tilt", "scapulothoracic_gap")
     named, _ = (search.fit((name,), search.nodes[()]) for name in names)
     found = {one.what: one for one in propose(search, load_model("R2"), named, [names])}
@@ -285,7 +289,10 @@ def test_probabilities_are_the_mean_over_the_draws():
 
 
 def test_from_a_wrong_cause_the_best_of_all_sets_is_reached():
-    """Of four candidates: besides none, three sets stand around it with one more, three with another in its place."""
+    """Check that the search from a wrong cause reaches the best of all sets of four candidates.
+
+    Its neighbours have one cause more, or another in its place.
+    """
     found = searched(BIAS)
     search, every = (
         Search(found.joint, found.folds, beliefs=found.beliefs, discrepancy=found.discrepancy) for _ in range(2)
@@ -313,7 +320,7 @@ def test_what_is_known_is_in_every_set_and_never_left_out():
 
 
 def test_angles_alone_do_not_say_which_joint_moves():
-    """Every other way in which a constraint gives way stands beside the joint, but for one that is a cause itself."""
+    """Check that other ways in which a constraint gives way become names of the joint, unless they are causes."""
     causes = {name: name for name in ("ac_translation", "sc_translation", "conoid_strain", "scapulothoracic_gap", BIAS)}
     sets = {
         "ac_translation": CredibleSet(("ac_translation", "thorax_tilt"), (0.7, 0.3)),
@@ -327,7 +334,11 @@ def test_angles_alone_do_not_say_which_joint_moves():
 
 
 def test_only_an_axial_rotation_that_was_measured_tells_what_changes_a3():
-    """Whatever else was measured; and a joint that landmarks show stands alone."""
+    """Check that without a measured axial rotation a cause of A3 has the estimate as further name, whatever else was
+    measured.
+
+    A joint that landmarks show stands alone.
+    """
     causes = {name: name for name in ("conoid_strain", "clavicle_axial_estimate", "ac_translation", "sc_translation")}
     sets = {name: CredibleSet((name,), (1.0,)) for name in ("conoid_strain", "ac_translation")}
     found = with_what_does_as_well(sets, causes, only_angles=False)
@@ -338,7 +349,7 @@ def test_only_an_axial_rotation_that_was_measured_tells_what_changes_a3():
 
 
 def test_what_is_held_against_a_null_loses_its_probability():
-    """Of a set with both, what is not beyond the null leaves the other one."""
+    """Check the weights after one cause of a set has failed against the null: the set keeps its other cause."""
     causes = {BIAS: BIAS, "ac_translation": "ac_translation"}
     weights = Weights({(BIAS, "ac_translation"): 0.8, (BIAS,): 0.2}, causes, unexplained=0.0)
     found = weights.beyond(0.25, lambda name: name != BIAS)

@@ -1,4 +1,4 @@
-"""The joint fit against the fits of `girdle adapt` and finite differences, its quadratic steps against SciPy."""
+"""The joint fit against `girdle adapt` and finite differences, and its quadratic steps against SciPy."""
 
 from dataclasses import replace
 from functools import partial
@@ -28,22 +28,22 @@ from models.effects.amplitudes import PersonalSize
 from motions.rotations import DEG
 
 R2 = partial(adapt_subjects, models=load_model("R2"), held_out=(), thorax_downweighting=THORAX_DOWNWEIGHTING)
-"""The adaptation of R2, whose points on the thorax are another person's."""
+"""Adaptation of R2, whose thorax points are another person's and down-weighted."""
 
 SAME_E = 1e-4
-"""mm^2: the joint fit stops where a step gains less."""
+"""Gain in mm^2 below which the joint fit stops."""
 
 SAME_SIZE = 1e-2
-"""SDs: where a step gains less than SAME_E the sizes are as near."""
+"""Tolerance for sizes in SDs, for a search that stops at a gain of ``SAME_E``."""
 
 SAME_DEG = 1e-7
 """Both solvers close the chain to 1e-9 mm and end at steps below 1e-9 deg."""
 
 STEP, SAME_SLOPES = 1e-3, 1e-6
-"""Of central differences (mm, or a unit of strength), and relative: nearest postures are known to 1e-11 of a degree."""
+"""Step (mm, or a unit of strength) and relative tolerance of central differences: postures are known to 1e-11 deg."""
 
 FD = 1e-5
-"""Of central differences in units of the amplitude's scale: rounding of E, 1e-10, is 1e-5 there, truncation less."""
+"""Step of differences in units of the amplitude's scale: E's rounding, 1e-10, gives 1e-5, the truncation less."""
 
 
 def test_without_effects_it_is_the_adaptation_of_girdle_adapt():
@@ -58,7 +58,7 @@ def each_alone(joint: JointFit) -> JointFit:
 
 
 def adapted(joint: JointFit, hypothesis: Hypothesis, theta_mm, amplitude, between: float) -> End:
-    """Adapt every part with sizes of its own about an amplitude, by so much of their prior SD."""
+    """Adapt every part with its own sizes about an amplitude; ``between``: their SD, in prior SDs."""
     shared = joint._shared([hypothesis] * joint.groups)
     mean = np.tile(np.reshape(amplitude, (-1, 1)), joint.groups)
     scale = between * shared.scale / np.sqrt(weight_of_sizes(joint._parts))
@@ -66,7 +66,7 @@ def adapted(joint: JointFit, hypothesis: Hypothesis, theta_mm, amplitude, betwee
 
 
 def with_slopes(joint: JointFit) -> Parts:
-    """Have slopes in the strengths too, at postures that stay: those of E."""
+    """Return the parts with slopes in the strengths too, at fixed postures, as E needs them."""
     return replace(joint._parts, strengths_are_known=False)
 
 
@@ -89,7 +89,7 @@ def test_personal_sizes_give_the_optimum_of_girdle_adapt():
 
 @pytest.mark.parametrize("strength", [0.0, 0.99])
 def test_the_nearest_posture_is_that_of_slsqp(strength):
-    """SciPy's SLSQP stays where it is, with JAX's slopes of the constraints."""
+    """Check the nearest posture against SciPy's SLSQP with JAX's derivatives of the constraints, started there."""
     joint = joint_fit()
     rows = np.arange(0, len(joint.shoulders.subject), 9)
     girdle = take_problems(joint.model.sets.girdle, joint.shoulders.subject[rows])
@@ -107,7 +107,7 @@ def test_the_nearest_posture_is_that_of_slsqp(strength):
 
 
 def slsqp(chain: AnyGirdle, target_deg: np.ndarray, start_deg: np.ndarray):
-    """min |q - s|^2 on the closed chain, in degrees."""
+    """Minimise |q - s|^2 on the closed chain, in degrees."""
     found = minimize(
         lambda q: np.sum((q - target_deg) ** 2),
         start_deg,
@@ -125,7 +125,7 @@ _slopes = few_runs(jax.jacobian(lambda q_deg, chain: chain.residuals_mm(q_deg / 
 
 
 def test_the_whole_slopes_of_y_are_differences():
-    """The nearest posture follows; at one that stays the slopes are off by some percent."""
+    """Check slopes in which the nearest posture moves; slopes at fixed postures are off by some percent."""
     joint = joint_fit("scapulothoracic_gap")
     parts, theta = with_slopes(joint), joint.from_starts().theta_mm
     strengths = 2.0 * np.random.default_rng(5).standard_normal(parts.strengths.shape)
@@ -148,8 +148,11 @@ def test_the_whole_slopes_of_y_are_differences():
 
 
 def test_a_posture_at_a_gimbal_lock_has_no_slopes_and_leaves_the_others_theirs():
-    """A gap that follows the angles of a frame has no derivative in how the frame is turned where the middle one is 90
-    degrees. The posture is one that a diagnosis came by."""
+    """Check one posture at gimbal lock, from a diagnosis: its slopes are 0, and those of other postures stay.
+
+    A gap that follows the angles of a frame has no derivative in the frame's rotation where the middle angle is 90
+    degrees.
+    """
     effects = [EFFECTS[name] for name in ("scapula_landmark_bias", "scapulothoracic_gap:posture")]
     joint = search_of(load_model("R2"), joint_fit().shoulders, effects).joint
     parts, theta = joint._parts, joint.from_starts().theta_mm
@@ -168,7 +171,7 @@ def test_a_posture_at_a_gimbal_lock_has_no_slopes_and_leaves_the_others_theirs()
 
 
 def relative(found, expected) -> float:
-    """The mean difference, of the mean size."""
+    """Return the mean absolute difference, relative to the mean absolute value."""
     return np.abs(found - expected).mean() / max(np.abs(expected).mean(), 1e-9)
 
 
@@ -233,12 +236,12 @@ def test_machine_code_and_xla_agree():
         np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9)
     *others, _ = native
     for one, other in zip(_nearest_kernel(joint.model.effects, True).native(*arguments), others, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)  # strengths that are known
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)  # the kernel with known strengths
 
 
 @pytest.mark.parametrize("few", [0.0, 0.99])
 def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few, monkeypatch):
-    """But for rounding: a group that has finished stays, and each has its own damping."""
+    """Check that groups end in the same place, up to rounding, whether or not finished groups stay in the batch."""
     joint = joint_fit("scapula_landmark_bias")
     name, start, mean = ("scapula_landmark_bias",), joint.from_starts().theta_mm.T, np.zeros(3)
     parts = each_alone(joint)
@@ -253,7 +256,7 @@ def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few,
 
 
 def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
-    """Whatever it tries is higher than what was before."""
+    """Check an objective that is higher at every trial point."""
     joint, higher, evaluate = joint_fit("scapula_landmark_bias"), count(), gauss_newton.Objective.total
 
     def total(*given):

@@ -1,4 +1,4 @@
-"""diagnosis.json: its contract, in strict JSON, for every kind of answer."""
+"""The contract of diagnosis.json, in strict JSON, for every kind of answer."""
 
 import json
 import math
@@ -35,7 +35,7 @@ KEYS = {
     *("where", "where_by", "constraints", "parameters", "indistinguishable", "next_measurement", "noise"),
     *("expected", "axial_is_computed", "subjects", "left_out", "postures", "highest_elevation_deg", "options"),
 }
-"""The contract: scripts of users rely on it."""
+"""Keys of the contract, on which scripts of users rely."""
 
 INTERVAL = {"value", "low", "high"}
 KINDS = ("noise_floor", "base", "adapted", "own_bones", "with_effect")
@@ -47,7 +47,7 @@ def numbers(object: Mapping[str, Any], keys: set[str]) -> bool:
 
 
 def assert_contract(found: Mapping[str, Any]) -> None:
-    """Every key of one model's object, with the right types."""
+    """Check every key of one model's object, with the right types."""
     assert set(found) >= KEYS
     verdict = found["verdict"]
     assert set(verdict) >= {"answer", "causes", "effects", "sentence"}
@@ -92,7 +92,7 @@ def test_every_kind_of_answer_keeps_the_contract_in_strict_json(diagnosis):
 
 
 def test_the_top_level_is_the_model_with_the_smallest_held_out_adapted_gap():
-    """Not the one with the smallest gap in sample, nor with the causes; and one whose gap is not a number is not it."""
+    """Check that neither the gap in sample, nor the gap with causes, nor a gap of NaN decides."""
     best_in_sample = replace(ONE, model="R6", gaps=replace(gap_of(3.0, 0.1), in_sample=gap_of(0.5, 0.1).in_sample))
     nothing = replace(ONE, model="R4", gaps=gap_of(math.nan, math.nan))
     found = as_json(Diagnoses({"R4": nothing, "R6": best_in_sample, "R2": ONE}))

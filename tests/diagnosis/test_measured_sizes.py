@@ -1,4 +1,4 @@
-"""What landmarks say of sizes: exact where the positions are, and nothing without them."""
+"""Sizes measured by landmarks: exact where positions are exact, and absent without positions."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def girdles() -> Girdle:
 
 
 def shoulders(**amplitudes: tuple[float, ...]) -> Shoulders:
-    """Postures of a rhythm with the landmarks of R2, changed by these effects."""
+    """Simulate postures of a rhythm with the landmarks of R2, changed by these effects."""
     motions = simulate_subjects(SUBJECTS, seed=1)
     count = len(motions.posture)
     girdle, rotations = BASE.repeated(count), bone_rotations(np.deg2rad(motions.angles_deg.T))
@@ -53,7 +53,7 @@ def test_a_size_that_landmarks_show_is_found_exactly(name, size):
 
 
 def test_the_sd_is_that_of_a_palpated_length_over_the_subjects():
-    """All subjects are alike, so what is left is the palpator's."""
+    """Check the SD of identical subjects, which is the palpation error alone."""
     found = measured_sizes(shoulders(), girdles(), (EFFECTS["clavicle_length"],))["clavicle_length"]
     percent_per_mm = 100.0 / float(np.linalg.norm(BASE.ac_mm))
     assert found.sd == pytest.approx(percent_per_mm * PALPATOR_LENGTH_MM / np.sqrt(SUBJECTS))

@@ -1,4 +1,4 @@
-"""Why a probable cause is not named: by where it was left out."""
+"""Reasons why a probable cause is not named: the step that left it out."""
 
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
 from adapt.diagnosis.inference.not_named import (

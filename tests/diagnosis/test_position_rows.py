@@ -1,4 +1,4 @@
-"""Measured positions as data of the search: rows worked by hand, dense Gaussian algebra, and what positions show."""
+"""Measured positions as data of the search: rows worked by hand, dense Gaussian algebra, and shown movements."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,25 +31,26 @@ NOISE_MM = 1.0
 SUBJECTS = 3
 
 EXACT_MM = 1e-6
-"""Slopes by differences of 1e-3, of what is linear: rounding."""
+"""Tolerance for slopes of linear functions by differences of 1e-3: rounding."""
 
 Places = dict[str, np.ndarray]
 Moved = Callable[[Motions, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""How far SC moved in the thorax and AC in the clavicle (postures, 3), of the elevation's share of its height."""
+"""Function of the motions and the elevation relative to its maximum that returns the displacement of SC in the thorax
+and of AC in the clavicle, (postures, 3) each."""
 
 
 def nothing(motions: Motions, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """No joint moves."""
+    """Leave both joints at rest."""
     return np.zeros((len(f), 3)), np.zeros((len(f), 3))
 
 
 def both(motions: Motions, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """SC and AC move in proportion to the elevation."""
+    """Move SC and AC in proportion to the elevation."""
     return np.outer(f, SC_MM), np.outer(f, AC_MM)
 
 
 def far(motions: Motions, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """They move three times as far."""
+    """Move SC and AC three times as far as ``both``."""
     return np.outer(f, 3.0 * SC_MM), np.outer(f, 3.0 * AC_MM)
 
 
@@ -57,7 +58,7 @@ SC_MM, AC_MM = np.array([3.0, -2.0, 4.0]), np.array([-2.0, 5.0, 3.0])
 
 
 def places_by_hand(motions: Motions, moved: Moved, offset: np.ndarray | None = None) -> Places:
-    """Positions (postures, 3) of R2 at the angles of the motions; ``offset``: of AC in the clavicle."""
+    """Compute positions (postures, 3) of R2 at the angles of the motions; ``offset`` moves AC in the clavicle."""
     R_C, R_S = (Rotation.from_euler("YZX", one, degrees=True).as_matrix() for one in np.split(motions.angles_deg, 2, 1))
     base = bones(MODEL.girdle)
     of_sc, of_ac = moved(motions, motions.humerus_elevation_deg / FULL_ELEVATION_DEG)
@@ -68,7 +69,7 @@ def places_by_hand(motions: Motions, moved: Moved, offset: np.ndarray | None = N
 
 @cache
 def laid_out(moved: Moved = nothing, noise_mm: float = 0.0, without: str = "") -> Search:
-    """The search of subjects with these positions; ``without``: a landmark that nobody measured."""
+    """Lay out the search of subjects with these positions; ``without`` is an unmeasured landmark."""
     motions = simulate_subjects(SUBJECTS, seed=3)
     shake = np.random.default_rng(5)
     places = {
@@ -81,14 +82,14 @@ def laid_out(moved: Moved = nothing, noise_mm: float = 0.0, without: str = "") -
 
 
 def parts(search: Search) -> tuple[PositionRows, Candidates, Shoulders]:
-    """The rows of a search, with what they are laid out by."""
+    """Return the position rows of a search, with its candidates and shoulders."""
     rows = search.joint.positions
     assert rows is not None
     return rows, search.joint.candidates, search.joint.shoulders
 
 
 def amplitudes(candidates: Candidates, **sizes: np.ndarray) -> np.ndarray:
-    """All amplitudes: of the first term of each direction of some effects."""
+    """Return all amplitudes: ``sizes`` in the first term of each direction of these effects, 0 elsewhere."""
     a = np.zeros(len(candidates.scale))
     for name, size in sizes.items():
         a[candidates.places[name][:: len(candidates.effect(name).course.sd)]] = size
@@ -103,11 +104,11 @@ def test_the_rows_are_what_a_hand_computes():
 
 
 def test_a_constant_of_the_person_is_in_the_constants():
-    """TS lies 5 mm lateral on the scapula: 5 / S of the third constants; beside it everything is at the set."""
+    """Check the row of TS 5 mm lateral on the scapula: 5 / S of the third constants; all other rows are 0."""
     rows, _, shoulders = parts(laid_out())
     root = np.linalg.cholesky(prior_of(MODEL, shoulders.subjects)[..., 0])
     own = np.zeros(len(root))
-    own[6] = 5.0  # SC, AC, then TS, x
+    own[6] = 5.0  # the constants are SC, AC, then TS: its x
     R_S = Rotation.from_euler("YZX", shoulders.motions.angles_deg[:, 3:], degrees=True).as_matrix()
     found = rows.by_constant[shoulders.subject == 0] @ np.linalg.solve(root, own)
     np.testing.assert_allclose(found[:, 6:9], 5.0 * R_S[shoulders.subject == 0, :, 0], atol=EXACT_MM)
@@ -115,7 +116,10 @@ def test_a_constant_of_the_person_is_in_the_constants():
 
 
 def test_what_all_persons_have_in_common_of_a_constant_is_a_cause():
-    """But for AA, of which no candidate says where it is; without candidates all of it is a constant of all."""
+    """Check that a constant which all persons share belongs to the candidates, except for AA, which no candidate moves.
+
+    Without candidates the shared constants are as large as the individual ones.
+    """
     _, _, shoulders = parts(laid_out())
     girdle = laid_out().joint.model.sets.girdle
     listed, none = (
@@ -139,7 +143,7 @@ def test_what_carries_a_landmark_and_was_not_measured_is_passed_over():
 
 
 def test_the_lever_of_an_angle_is_the_length_of_the_bone():
-    """AC seen from SC: the protraction and elevation of the clavicle turn it by its length, its axial rotation not."""
+    """Check AC seen from SC: protraction and elevation move it by the length of the bone, axial rotation not."""
     rows, _, _ = parts(laid_out())
     of_length = np.deg2rad(1.0) * np.linalg.norm(bones(MODEL.girdle).ac_mm)
     across = np.sqrt((rows.by_angle[:, 3:6] ** 2).sum(axis=(1, 2)))
@@ -149,7 +153,7 @@ def test_the_lever_of_an_angle_is_the_length_of_the_bone():
 
 
 def test_the_noise_of_angles_turns_the_scapula_as_one_bone():
-    """TS and AI seen from AC turn together: the distance between them stays."""
+    """Check that TS and AI, seen from AC, turn together: the distance between them stays."""
     rows, _, shoulders = parts(laid_out())
     R_S = Rotation.from_euler("YZX", shoulders.motions.angles_deg[:, 3:], degrees=True).as_matrix()
     base = bones(MODEL.girdle)
@@ -160,7 +164,7 @@ def test_the_noise_of_angles_turns_the_scapula_as_one_bone():
 
 
 SEEN = np.array([[1, -1, 0, 0], [-1, 2, -1, -1], [0, -1, 2, 1], [0, -1, 1, 2]], float)
-"""Covariance of SC, AC - SC, TS - AC and AI - AC where that of each place is 1."""
+"""Covariance of SC, AC - SC, TS - AC and AI - AC where each place has a variance of 1."""
 
 NOT_SMOOTH = TYPICAL._replace(own_mm=0.0, common_mm=0.0, own_turn_deg=0.0, common_turn_deg=0.0)
 
@@ -173,7 +177,7 @@ def dense(
     found: Discrepancy,
     mean_is_known: bool = False,
 ):
-    """The covariance of all measured coordinates, written out, but for what is smooth: (rows, n) flat."""
+    """Compute the covariance of all measured coordinates without smooth parts, with (rows, n) flattened."""
     same = shoulders.subject[:, None] == shoulders.subject
     n, count = rows.values_mm.shape[1], len(rows.values_mm)
     L = rows.by_angle.reshape(count * n, -1)
@@ -186,7 +190,7 @@ def dense(
 
 
 def test_the_evidence_is_the_density_of_the_positions_with_all_else_integrated_out():
-    """Without what is smooth, whose few curves lose a share."""
+    """Check without smooth parts, because a few curves do not hold all of their variance."""
     rows, candidates, shoulders = parts(laid_out(both, noise_mm=1.0))
     found, where = NOT_SMOOTH, candidates.where(("sc_translation", "ac_translation"))
     mean, scale = candidates.mean[where], candidates.scale[where]
@@ -205,14 +209,14 @@ def test_the_evidence_is_the_density_of_the_positions_with_all_else_integrated_o
 
 
 def near_of(one: np.ndarray, length: float) -> np.ndarray:
-    """Matern 3/2."""
+    """Compute the Matern 3/2 kernel."""
     d = np.sqrt(3.0) * np.abs(one[:, None] - one) / length
     return (1.0 + d) * np.exp(-d)
 
 
 @pytest.mark.parametrize("length", [30.0, 60.0])
 def test_curves_hold_most_of_what_is_smooth(length):
-    """Of the variance of a course less than a tenth is lost, and nothing is added."""
+    """Check that curves lose less than a tenth of the variance of a smooth course, and add none."""
     _, _, shoulders = parts(laid_out())
     (elevation, along), first = shoulders.course_deg, shoulders.rows_of(0)
     near, near_along = near_of(elevation, length), near_of(along, length)
@@ -225,7 +229,8 @@ def test_curves_hold_most_of_what_is_smooth(length):
 
 
 def test_curves_are_of_their_sizes_in_every_coordinate_and_every_angle():
-    """What the sizes add to the covariance of a shoulder: that of the curves, through the levers of the angles."""
+    """Check the sizes of curves against the covariance of a shoulder: curves of positions, and of angles through
+    levers."""
     rows, candidates, shoulders = parts(laid_out())
     none, one = np.zeros(0, int), shoulders.rows_of(0)
     rows = replace(rows, by_amplitude=rows.by_amplitude[..., none], by_common=rows.by_common[..., none])
@@ -279,7 +284,7 @@ def test_what_was_not_measured_is_no_row():
 
 
 def test_positions_show_a_joint_that_moves_and_no_other():
-    """The movement is 16 and 18 mm with the arm up; of three persons with a degree of noise in their angles."""
+    """Check movements of 16 and 18 mm with the arm up, of three persons with a degree of noise in their angles."""
     moves, rests = (laid_out(one, noise_mm=0.5) for one in (far, nothing))
     for name in ("sc_translation", "ac_translation"):
         assert by_positions(moves, name, ("sc_translation", "ac_translation")) > 0.9
@@ -315,7 +320,10 @@ def test_of_angles_that_are_of_the_same_landmarks_the_path_of_sc_and_the_length_
     "effect", [one for one in EFFECTS.values() if not one.moves_landmarks], ids=lambda one: one.name
 )
 def test_what_is_said_to_move_no_landmark_moves_none(effect):
-    """As true of its second course, which the first one's statement covers; to rounding of a turn there and back."""
+    """Check that effects without ``moves_landmarks`` move none, to the rounding of a rotation and its inverse.
+
+    The statement of an effect's first course covers its second course.
+    """
     search = laid_out()
     seen = Seen(("SC", "AC", "TS", "AI"), take_problems(search.joint.model.sets.girdle, search.joint.shoulders.subject))
     moved = seen.by_channel([replace(effect, moves_landmarks=True)], search.joint.shoulders.angles)
@@ -323,7 +331,7 @@ def test_what_is_said_to_move_no_landmark_moves_none(effect):
 
 
 def test_what_landmarks_would_tell_of_amplitudes_is_known_before_they_are_measured():
-    """The precision of a in a linear Gaussian model does not go by what is measured: A' C^-1 A."""
+    """Check the precision of a in a linear Gaussian model, A' C^-1 A, which does not depend on the measured values."""
     _, candidates, shoulders = parts(laid_out())
     model = laid_out().joint.model
     rows = planned_rows(MODEL, model.sets.girdle, candidates, shoulders, ("SC", "AC"))

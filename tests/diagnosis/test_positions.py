@@ -1,4 +1,4 @@
-"""Positions of landmarks as a judge: constants by another engine, gaps that are known, what a file says of itself."""
+"""Landmark positions as a check of fits: constants against another solver, known gaps, and the marks of files."""
 
 from dataclasses import replace
 
@@ -36,10 +36,10 @@ MODEL = load_model("R2")
 SUBJECTS = 2
 
 SAME_MM = 1e-6
-"""Two ways to solve 15 normal equations, whose priors span three powers of ten."""
+"""Tolerance between two solutions of 15 normal equations, whose priors span three powers of ten."""
 
 CLOSE_MM = 0.5
-"""Priors draw constants of 5 mm by a few percent to the set's."""
+"""The prior pulls constants of 5 mm by a few percent to the set's."""
 
 OWN_MM = {
     "SC": (4.0, -3.0, 5.0),
@@ -48,18 +48,18 @@ OWN_MM = {
     "AI": (2.0, -6.0, 3.0),
     "AA": (-12.0, -18.0, 40.0),
 }
-"""Of every person, against R2; the place of AA."""
+"""Constants of every person: displacement from R2, and for AA its place."""
 
 
 def rotations_of(motions: Motions) -> tuple[np.ndarray, np.ndarray]:
-    """R_C and R_S (postures, 3, 3), by SciPy."""
+    """Compute R_C and R_S (postures, 3, 3), by SciPy."""
     clavicle, scapula = motions.angles_deg[:, :3], motions.angles_deg[:, 3:]
     found = (Rotation.from_euler("YZX", one, degrees=True).as_matrix() for one in (clavicle, scapula))
     return tuple(found)  # pyright: ignore[reportReturnType]
 
 
 def places_by_hand(motions: Motions, own=OWN_MM) -> dict[str, np.ndarray]:
-    """Positions (postures, 3) at the angles of the motions, of a girdle with places of its own."""
+    """Compute positions (postures, 3) at the angles of the motions, for a girdle with displaced places."""
     R_C, R_S = rotations_of(motions)
     base, moved = bones(MODEL.girdle), {name: np.array(one) for name, one in own.items()}
     SC = np.tile(base.sc_mm + moved["SC"], (len(R_C), 1))
@@ -69,7 +69,7 @@ def places_by_hand(motions: Motions, own=OWN_MM) -> dict[str, np.ndarray]:
 
 
 def closed(seed: int = 0) -> Motions:
-    """Postures that R2 takes exactly, in two kinds of motion."""
+    """Simulate postures that R2 takes exactly, in two kinds of motion."""
     motions = simulate_subjects(SUBJECTS, seed=seed)
     fitted = adapt_subjects(motions, MODEL, held_out=()).before["R2"]
     assert (fitted.status == "ok").all()
@@ -78,7 +78,7 @@ def closed(seed: int = 0) -> Motions:
 
 @pytest.fixture(scope="module")
 def measured() -> Motions:
-    """With the positions of persons who have constants of their own."""
+    """Closed postures with the positions of persons who have constants of their own."""
     motions = closed()
     return replace(motions, landmarks_mm=places_by_hand(motions))
 
@@ -88,14 +88,14 @@ def of_landmarks(motions: Motions, *names: str) -> Motions:
 
 
 def base_of(motions: Motions):
-    """The judge of these positions, and R2 as it is at the angles that it takes."""
+    """Return the judge of these positions, and unadapted R2 at its fitted angles."""
     rows = posture_rows(motions)
     fitted = adapt_subjects(motions, MODEL, held_out=()).before["R2"]
     return Judge.of(MODEL, rows), as_they_are(MODEL, rows, fitted)
 
 
 def by_stacked_rows(motions: Motions, subject: int) -> np.ndarray:
-    """The constants of one subject by a QR of all its rows, whitened, and those of the prior."""
+    """Compute one subject's constants by least squares on its whitened rows, stacked with those of the prior."""
     R_C, R_S = rotations_of(motions)
     nothing = places_by_hand(motions, dict.fromkeys(OWN_MM, (0.0, 0.0, 0.0)))
     prior = prior_of(MODEL, motions.subjects)[..., subject]
@@ -116,7 +116,7 @@ def by_stacked_rows(motions: Motions, subject: int) -> np.ndarray:
 
 
 def with_holes(motions: Motions) -> Motions:
-    """A fifth of the cells of every landmark missing."""
+    """Remove a fifth of the cells of every landmark."""
     random = np.random.default_rng(1)
     holed = {
         name: np.where(random.random(len(place)) < 0.2, np.nan, place.T).T
@@ -145,7 +145,7 @@ def test_a_rigid_chain_with_constants_of_its_own_agrees(measured):
 
 
 def test_a_landmark_off_in_one_posture_is_that_far_away(measured):
-    """Of 14 postures with five landmarks one of 20 mm leaves 20 / sqrt(70 persons' cells), but for the constants."""
+    """Check one landmark off by 20 mm: in N cells it leaves 20 / sqrt(N), less the part that the constants take up."""
     places = {name: place.copy() for name, place in measured.landmarks_mm.items()}
     places["TS"][3] += [0.0, 20.0, 0.0]
     judge, base = base_of(replace(measured, landmarks_mm=places))
@@ -171,14 +171,16 @@ def test_nobody_is_judged_without_positions(measured):
 
 
 def two_kinds(motions: Motions) -> Motions:
-    """Every second posture of each subject is of another kind of motion."""
+    """Assign every second posture of each subject to another kind of motion."""
     kinds = np.where(motions.posture % 2 == 0, "abduction", "flexion")
     return replace(motions, motion=kinds)
 
 
 def test_constants_of_held_out_motions_have_not_seen_them(measured):
-    """AA moves in the scapula from one motion to the other: in sample the mean is its place, held out that of the
-    other motion, so that the distance doubles."""
+    """Check AA at one place in the scapula in one motion and at another in the other.
+
+    In sample, its constant is the mean place; held out, the place in the other motion, so that the distance doubles.
+    """
     motions = two_kinds(of_landmarks(measured, "AA"))
     other = motions.motion == "flexion"
     _, R_S = rotations_of(motions)
@@ -193,13 +195,13 @@ def test_constants_of_held_out_motions_have_not_seen_them(measured):
     assert in_sample == pytest.approx(4.0, rel=0.25)
     assert held_out == pytest.approx(8.0, rel=0.25)
     adapted = judge.gap_mm(adapted_to_folds(found.rows, of_motions(found.held_out)), folds)
-    assert adapted == pytest.approx(held_out, rel=0.1)  # R2 takes these postures: there is nothing to adapt
+    assert adapted == pytest.approx(held_out, rel=0.1)  # R2 takes these postures, so that adapting changes nothing
     for angles, gaps, fold in zip(found.held_out.angles, found.held_out.gaps_deg, found.held_out.folds, strict=True):
         np.testing.assert_allclose(np.abs(angles * DEG - motions.angles_deg[fold.tested].T), gaps, atol=1e-9)
 
 
 def test_joints_that_are_put_in_as_measured_take_the_distance_away(measured):
-    """SC moves from posture to posture: the adapted chain is beside it, and with the movement on it."""
+    """Check SC that moves between postures: the adapted chain misses it, and with the measured movement meets it."""
     motions = of_landmarks(measured, "SC")
     place = motions.landmarks_mm["SC"] + 4.0 * np.random.default_rng(3).standard_normal((len(motions.posture), 3))
     motions = replace(motions, landmarks_mm={"SC": place})
@@ -223,7 +225,7 @@ def test_the_noise_of_positions_is_what_no_smooth_path_has():
 
 
 def test_places_that_never_change_have_the_least_noise():
-    """A model's SC, in every posture the same to the last digit: noise of 0 has no covariance."""
+    """Check a model's SC, equal in every posture to the last digit: noise of 0 would have no covariance."""
     motions = simulate_subjects(3, seed=2)
     still = replace(motions, landmarks_mm={"SC": np.tile([25.0, 5.0, -10.0], (len(motions.posture), 1))})
     assert position_noise_mm(still) == LEAST_MM
@@ -267,7 +269,7 @@ def test_paths_are_drawn_of_what_was_measured():
 
 @pytest.mark.parametrize("chunk", [1, 2])
 def test_adapt_writes_where_landmarks_are_of_whom_some_were_measured(measured, tmp_path, chunk):
-    """One of three subjects has no position; the file does not depend on the chunk, and is that of Python."""
+    """Check three subjects, one without positions: the file is the same for every chunk, and as from Python."""
     lone = replace(simulate_subjects(3, seed=5), landmarks_mm={})
     lone = lone.select(lone.subject == lone.subjects[2])
     motions, file, out = Motions.concatenate([measured, lone]), tmp_path / "motions.csv", tmp_path / "out"

@@ -1,4 +1,4 @@
-"""The posterior against dense Gaussian algebra, and the discrepancy against draws from it."""
+"""The posterior against dense Gaussian algebra, and the learnt discrepancy against draws from a known one."""
 
 from dataclasses import replace
 
@@ -25,20 +25,20 @@ N = len(ADAPTED)
 FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4, 0.7, 0.6, 0.3, 0.2, 0.8)
 
 INTERPOLATED = 0.02
-"""Share of the common variance that is lost between the points that carry it, and with the smallest curves."""
+"""Share of the common variance that is lost between the support points, and with the smallest curves left out."""
 
 FOUND = np.log(1.6)
-"""A SD of some ten independent numbers is known to a fifth; the prior adds as much."""
+"""Tolerance for a logarithm: the SD of some ten independent numbers is known to a fifth, and the prior adds as much."""
 
 ALIKE = 1e-3
-"""SD of the amplitudes between shoulders, of the prior's: as good as none."""
+"""SD of the amplitudes between shoulders in prior SDs: practically none."""
 
 AT_THE_TOP = 0.2
-"""Of its SD, by which a step further would move an amplitude: steps end below a quarter of a nat."""
+"""Largest further step of an amplitude in posterior SDs: steps end below a quarter of a nat."""
 
 
 def dense_covariance(joint: JointFit, found: Discrepancy) -> np.ndarray:
-    """The covariance of one constraint, written out."""
+    """Compute the covariance of one constraint from its definition."""
     shoulders = joint.shoulders
     elevation, along = shoulders.course_deg
     near, near_along = (
@@ -54,7 +54,7 @@ def dense_covariance(joint: JointFit, found: Discrepancy) -> np.ndarray:
 
 
 def whitened_covariance(joint: JointFit, found: Discrepancy) -> np.ndarray:
-    """The same from the factors that the fits use."""
+    """Compute the covariance from the factors that the fits use."""
     white = whitening(joint.shoulders, found, common_curves(joint.shoulders, found))
     roots = [np.linalg.inv(one) for one in white.inverse_root]
     curves = np.concatenate([root @ one for root, one in zip(roots, white.curves, strict=True)])
@@ -85,7 +85,7 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     )
 
     def of_shoulders(slopes: np.ndarray) -> np.ndarray:
-        """In the parameters of all shoulders: each row in those of its own."""
+        """Return slopes in the parameters of all shoulders: each row depends on those of its own shoulder."""
         every = np.zeros((*y.shape, len(theta), slopes.shape[2]))
         every[np.arange(len(y)), :, shoulders.subject] = slopes
         return every.reshape(y.size, -1)
@@ -99,7 +99,7 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     covariance = np.kron(whitened_covariance(joint, FEW), np.eye(3))
     covariance += flat @ of_theta @ flat.T + by_amplitudes @ of_amplitudes @ by_amplitudes.T
     density = -0.5 * (np.linalg.slogdet(covariance).logabsdet + middle @ np.linalg.solve(covariance, middle))
-    assert found.log_evidence == pytest.approx(density, rel=1e-9)  # but for the powers of 2 pi
+    assert found.log_evidence == pytest.approx(density, rel=1e-9)  # except for the powers of 2 pi
     towards = Z[..., N + where].reshape(y.size, -1) * scale**2
     moved = -towards.T @ np.linalg.solve(covariance, middle)
     left = np.diag(scale**2) - towards.T @ np.linalg.solve(covariance, towards)
@@ -126,10 +126,13 @@ def test_a_shoulder_that_is_drawn_twice_counts_as_two_alike():
 
 
 def test_the_quadratic_is_what_is_white_squared_a_step_away():
-    """Linear in the parameters, in what shoulders share and in the others."""
+    """Check the quadratic against the squared norm of the whitened vector after a step.
+
+    The vector is linear in the parameters, and in the factors of curves that shoulders share.
+    """
     joint = joint_fit()
     generator = np.random.default_rng(6)
-    seen = (joint.shoulders.subject != 1) | (np.arange(len(joint.shoulders.subject)) % 3 > 0)  # of one fewer rows
+    seen = (joint.shoulders.subject != 1) | (np.arange(len(joint.shoulders.subject)) % 3 > 0)  # fewer rows of one
     likelihood = Likelihood.of(joint, FEW, seen)
     rows, subjects, n = int(seen.sum()), len(joint.shoulders.subjects), N + 2
     y, slopes = generator.standard_normal((2, rows, 3)), generator.standard_normal((2, rows, 3, n))
@@ -151,7 +154,7 @@ def test_the_quadratic_is_what_is_white_squared_a_step_away():
 
 
 def test_at_the_mode_the_linear_model_stays_where_it_is():
-    """With amplitudes that all shoulders share, as the mode has them."""
+    """Check with amplitudes that all shoulders share, as at the mode."""
     search = searched(BIAS)
     at, likelihood = search.nodes[(BIAS,)].posterior, replace(search.likelihood, between=ALIKE)
     (found,) = modes(search.joint, likelihood, [at.hypothesis], [at.theta_mm], [at.amplitude])
@@ -179,7 +182,7 @@ def test_two_starts_find_one_mode():
     ],
 )
 def test_the_discrepancy_that_drew_the_data_is_found(true):
-    """Little noise beside a large course, in postures 20 deg apart, where that is long."""
+    """Check noise that is small beside a smooth part, in postures 20 deg apart, with a long length scale."""
     joint = joint_fit()
     root = np.linalg.cholesky(dense_covariance(joint, true))
     generator = np.random.default_rng(8)
@@ -197,7 +200,7 @@ def test_the_discrepancy_that_drew_the_data_is_found(true):
 
 
 def test_neighbouring_postures_tell_little_of_what_is_smooth():
-    """A constant over the seven postures of a motion: between one number and three, not seven."""
+    """Check a constant over the seven postures of a motion: it counts as one to three numbers, not seven."""
     shoulders = joint_fit().shoulders
     smooth = FEW._replace(
         noise_deg=0.05,
@@ -214,7 +217,10 @@ def test_neighbouring_postures_tell_little_of_what_is_smooth():
 
 
 def test_the_last_digit_of_the_start_does_not_decide_where_the_mode_is():
-    """Of shipped subjects, whose chains R2 closes badly: the first steps would open some, and end anywhere."""
+    """Check two starts that differ by rounding, for shipped subjects, whose chains R2 hardly closes.
+
+    Unlimited first steps would open some chains, and then end anywhere.
+    """
     shoulders, _ = usable(shipped_subjects())
     search = search_of(load_model("R2"), shoulders, [EFFECTS["ac_offset"]])
     likelihood, start = Likelihood.of(search.joint, TYPICAL), search.without_causes.theta_mm
@@ -227,7 +233,7 @@ def test_the_last_digit_of_the_start_does_not_decide_where_the_mode_is():
 
 
 def test_of_the_modes_of_a_set_that_of_most_evidence_is_kept():
-    """A start whose bones and sizes are far away leads elsewhere, or nowhere."""
+    """Check a start with remote bones and sizes, which leads to a lower mode or to none."""
     search = searched("scapula_landmark_bias")
     (name,) = best = search.best.hypothesis
     good = search.nodes.pop(best)

@@ -1,4 +1,4 @@
-"""What positions show of the noise of the angles, against dense Gaussian algebra, and whether it is believed."""
+"""The noise of angles that positions show, against dense Gaussian algebra, and the choice whether to use it."""
 
 from dataclasses import replace
 from functools import cache
@@ -34,14 +34,14 @@ NOTHING_COMMON = TYPICAL._replace(
     own_mm=0.0,
     own_turn_deg=0.0,
 )
-"""So that no curve, of which a share is lost, is in the algebra."""
+"""Hyperparameters without common curves, which would lose a share of their variance, so that the algebra is exact."""
 
 AT_THE_TOP = 0.2
-"""Of its SD, by which a step further would move an amplitude."""
+"""Largest further step of an amplitude, in posterior SDs."""
 
 
 def places(motions: Motions) -> dict[str, np.ndarray]:
-    """Positions (postures, 3) of R2 at the angles of the motions, with noise."""
+    """Compute positions (postures, 3) of R2 at the angles of the motions, with noise."""
     R_C, R_S = (Rotation.from_euler("YZX", one, degrees=True).as_matrix() for one in np.split(motions.angles_deg, 2, 1))
     base, shake = bones(MODEL.girdle), np.random.default_rng(5)
     AC = base.sc_mm + R_C @ base.ac_mm
@@ -56,8 +56,10 @@ def places(motions: Motions) -> dict[str, np.ndarray]:
 
 @cache
 def laid_out(of_the_same_marker: bool = False) -> Search:
-    """The search of subjects whose landmarks are at the angles without their noise, or are carried by what measured
-    the angles."""
+    """Lay out the search of subjects whose landmarks are at the angles without noise, or at the measured angles.
+
+    With ``of_the_same_marker``, a marker carries the landmarks, and the angles are measured by it.
+    """
     true = simulated(noise_deg=0.0).motions
     noise = NOISE_DEG * np.random.default_rng(7).standard_normal(true.angles_deg.shape)
     measured = replace(true, angles_deg=true.angles_deg + noise)
@@ -67,13 +69,13 @@ def laid_out(of_the_same_marker: bool = False) -> Search:
 
 
 def rows_of(search: Search) -> PositionRows:
-    """What positions are laid out as."""
+    """Return the position rows of a search."""
     assert search.joint.positions is not None
     return search.joint.positions
 
 
 def with_shared_noise(search: Search, found: Discrepancy):
-    """The joint fit with the noise of its angles in y, and what all have in common of the constants none."""
+    """Return the joint fit with angle noise in y, without shared constants; its rows, B and likelihood."""
     rows = rows_of(search)
     B = search.without_causes.B * np.deg2rad(1.0)
     rows = replace(rows, noise_in_y=B, by_common=rows.by_common[..., :0])

@@ -1,4 +1,4 @@
-"""A diagnosis in words: at most thirty of them in the sentence, and notes that say what the numbers rest on."""
+"""A diagnosis in words: the sentence, of at most thirty words, and the notes."""
 
 import math
 from dataclasses import replace
@@ -64,6 +64,21 @@ def test_the_sentence_says_the_answer_in_thirty_words(kind):
     said = sentence(BY_KIND[kind])
     assert said == SENTENCES[kind]
     assert len(said.split()) <= MOST_WORDS == 30
+
+
+def test_causes_that_positions_show_are_not_said_to_shrink_a_gap_that_grows():
+    """Check that the sentence reports both gaps where landmarks come nearer and angles do not."""
+    moving = [replace(cause(name), tested_on=("positions",)) for name in ("sc_translation", "ac_translation")]
+    apart = {"base": 3.1, "adapted": 3.04, "with_causes": 2.48}
+    both = replace(ONE, positions=replace(ONE.positions, other_motion=apart), verdict=verdict(EFFECT, *moving))
+    said = sentence(replace(both, gaps=gap_of(1.6, 0.7, 0.6)))
+    assert said == (
+        "Positions show sc_translation and ac_translation: landmarks of held-out motions are 2.5 mm off (adapted 3.0); "
+        "the gap of 6 shoulders goes from 0.6 to 0.7 deg, noise alone leaves 0.3."
+    )
+    assert len(said.split()) <= MOST_WORDS
+    assert sentence(replace(both, gaps=gap_of(1.6, 0.5, 0.6))).startswith("Beyond own bones")
+    assert sentence(replace(both, positions=ONE.positions, gaps=gap_of(1.6, 0.7, 0.6))).startswith("Beyond own bones")
 
 
 @pytest.mark.parametrize("names", [1, 2, 3, 12])

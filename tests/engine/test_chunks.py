@@ -1,4 +1,4 @@
-"""Batches in chunks or at once: nothing lost, nothing doubled, few programs, and who has converged is left alone."""
+"""``in_chunks`` and ``in_rounds``: each problem once and in place, few compilations, converged problems unchanged."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ SIZE = 64
 
 
 class Count(NamedTuple):
-    """Where it ended: halved until it is at most 1, if the iterations allow it."""
+    """Result of a toy solver that halves ``value`` until it is at most 1 or the iterations run out."""
 
     value: np.ndarray
     also: np.ndarray
@@ -32,7 +32,7 @@ def test_one_program_serves_every_number_of_problems():
 
     @compiled
     def doubled(x):
-        shapes.append(x.shape)  # runs while tracing: once a compilation
+        shapes.append(x.shape)  # this line runs only while JAX traces, once per compilation
         return 2.0 * x
 
     for problems in (*range(1, 130, 7), 1000):
@@ -55,7 +55,7 @@ def test_few_problems_are_done_at_once_and_compile_nothing():
 
 
 def test_who_has_converged_is_left_alone():
-    """Problems that end in the first round come back untouched by the others' further rounds."""
+    """Check that problems that converge in the first round keep their result during the further rounds of others."""
     handled = []
 
     def halved(fixed, start, iterations):

@@ -1,4 +1,4 @@
-"""Several devices in one process: the problems are shared out, and what comes back is the same."""
+"""Several devices in one process share the problems, and the results stay the same."""
 
 import json
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 SAME = 1e-9
-"""Of the largest number."""
+"""Tolerance for results, relative to the largest number of an array."""
 
 PROGRAM = """
 import json
@@ -41,7 +41,7 @@ print(json.dumps({"devices": len(jax.devices()), "used": len(used), "off": off})
 
 
 def test_two_devices_share_the_problems_and_change_nothing():
-    """JAX is told that the CPU is two devices; in a process of its own, because it asks that only once."""
+    """Check a batch on a CPU that XLA divides into two devices; in a new process, because XLA reads this only once."""
     flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count=2"
     environment = os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
     command = [sys.executable, "-c", PROGRAM]

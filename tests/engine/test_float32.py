@@ -1,4 +1,4 @@
-"""Fits in float32: how far they are from float64, what float64 does again, statuses, and the option of the commands."""
+"""Fits in float32: errors against float64, problems that float64 solves again, statuses, and the command option."""
 
 import json
 from collections.abc import Sequence
@@ -25,21 +25,22 @@ from motions.rhythm_subjects import simulate_subjects
 from scripts.research.speed.measure_float32 import errors, of_postures
 
 MOST_DEG, MOST_MM, MOST_E = 5e-4, 0.05, 5e-6
-"""Largest change of an angle, of a parameter and (relative) of E by float32: twice what 1000 subjects showed. A
-parameter moves most where nothing holds it, by less than a thousandth of its SD."""
+"""Largest change of an angle, of a parameter and (relative) of E by float32: twice the largest one of 1000 simulated
+subjects. Parameters in flat directions change most, but by less than a thousandth of their SD."""
 
 LEAST_DEG, MEDIAN_DEG = 1e-6, 5e-5
-"""The median of the changes is between these: rounding of an angle of half a radian is 2e-6 degrees in float32, and two
-runs in float64 agree to 1e-7; measured are 1e-5 of posture fits and 2e-5 of the worst posture of an adaptation."""
+"""Limits for the median change of an angle. Rounding of an angle of half a radian is 2e-6 degrees in float32, and two
+runs in float64 agree to 1e-7; measured are 1e-5 for posture fits and 2e-5 for the worst posture of an adaptation."""
 
 SAME_RAD, SAME_CONVERGED = 2e-6, 0.98
-"""Of three engines in float32: rounding, a few times over; and how often they agree whether it has converged."""
+"""Tolerance for angles of three engines in float32 (a few roundings), and the least share of problems that converge on
+both engines of a pair."""
 
 SUBJECTS = 40
 
 
 def hard(subjects: int) -> Motions:
-    """Noise of 6 degrees, and one angle of ten not measured: much of it does not converge in float32."""
+    """Simulate subjects with 6 degrees of noise and a tenth of the angles missing: many fail in float32."""
     motions = simulate_subjects(subjects, seed=21, noise_deg=6.0)
     motions.angles_deg[np.random.default_rng(0).random(motions.angles_deg.shape) < 0.1] = np.nan
     return motions
@@ -52,14 +53,15 @@ def test_errors_of_simulated_subjects_are_those_stated():
         assert LEAST_DEG < part["angle_deg"]["median"] < MEDIAN_DEG
         assert part["angle_deg"]["most"] < MOST_DEG
         assert part["other_status"] == 0
-        assert part["lower_optimum"] + part["higher_optimum"] + part["other_as_low"] <= 1  # chance, which way
+        # Rounding may decide for one problem which optimum it reaches.
+        assert part["lower_optimum"] + part["higher_optimum"] + part["other_as_low"] <= 1
     assert 0.0 < adaptations["parameter_mm"]["median"] < adaptations["parameter_mm"]["most"] < MOST_MM
     assert adaptations["parameter_in_sd"]["most"] < 1e-3
     assert 0.0 < adaptations["E_relative"]["median"] < adaptations["E_relative"]["most"] < MOST_E
 
 
 def assert_float64_where_not_done(found, double, names: Sequence[str], done: np.ndarray):
-    """To the bit; where float32 was enough its own are kept, and differ."""
+    """Check that problems outside ``done`` have float64's results bit by bit, and others float32's."""
     for name in names:
         np.testing.assert_array_equal(getattr(found, name)[..., ~done], getattr(double, name)[..., ~done])
     off = np.abs(getattr(found, names[0]) - getattr(double, names[0])).max(axis=0)[done]
@@ -67,7 +69,7 @@ def assert_float64_where_not_done(found, double, names: Sequence[str], done: np.
 
 
 def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
-    """Measured angles far from any closed chain: many local minima."""
+    """Measured angles far from any closed chain, with many local minima."""
     data = as_type(
         problems_of(posture_rows(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32
     )
@@ -97,13 +99,13 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
 
 
 def test_a_parameter_at_its_bound_is_at_it():
-    """What float32 makes of a bound is not beside it."""
+    """Check that a parameter at its bound equals the bound in float64, not the bound rounded to float32."""
     data = as_type(problems_of(posture_rows(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
     given = subject_problem(data, np.full(SUBJECTS, WEIGHT))
     theta = solved_from(given, NO_ACTIVE_EFFECTS, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
     lower, upper = data.bounds_mm.astype(float)
     assert np.all((theta >= lower) & (theta <= upper))
-    assert (theta == upper)[3].mean() > 0.1  # A_y's
+    assert (theta == upper)[3].mean() > 0.1  # A_y is at its bound
     assert not np.any((theta > upper - 1e-4) & (theta < upper))
 
 
@@ -124,7 +126,7 @@ def test_three_engines_in_float32():
 
 
 def test_statuses_are_those_of_float64(tmp_path):
-    """A chain that cannot close, an angle too few, and a good posture."""
+    """A chain that cannot close, a posture with too few measured angles, and good postures."""
     short = tmp_path / "short.toml"
     short.write_text((FOLDER / "R4.toml").read_text().replace("conoid_length_mm = 13.2", "conoid_length_mm = 2.0"))
     for model, expected in ((load_model(str(short)), status.UNREACHABLE), (load_model("R4"), status.OK)):
@@ -161,7 +163,7 @@ def test_the_option_is_recorded_and_repeated(tmp_path, command):
 
 
 def test_no_diagnosis_in_float32(tmp_path):
-    """Nor anything else that compares small differences."""
+    """Check that commands which compare small differences refuse the option."""
     for command in ("diagnose", "trust", "simulate"):
         ended = girdle(command, "motion.csv", "--float32", "--out", tmp_path / "out")
         assert ended.status == 2

@@ -1,4 +1,4 @@
-"""A function of JAX as machine code: every operation that it knows, and derivatives, against XLA."""
+"""Compilation of JAX functions to machine code: every operation that it knows, and derivatives, against JAX."""
 
 import itertools
 
@@ -19,10 +19,10 @@ from adapt.engine.kernel import Kernel
 from adapt.engine.simd_values import SimdValue
 
 RELATIVE = 1e-12
-"""A few roundings of sums of a few terms; where terms cancel, of the terms, which are of size 1."""
+"""Tolerance: a few roundings of sums of a few terms; absolute too, because terms, which are of size 1, may cancel."""
 
 PROBLEMS = 21
-"""Not a multiple of eight."""
+"""Batch size, not a multiple of the eight problems of a block."""
 
 
 _numbers = itertools.count()
@@ -30,7 +30,8 @@ _numbers = itertools.count()
 
 @pytest.fixture(autouse=True)
 def no_cache(tmp_path, monkeypatch):
-    """The cache knows the source of the project, not that of tests; and what was compiled only by its name."""
+    """Use an empty cache: keys cover names and the source of the project, so a changed test function would run its old
+    code."""
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path)
 
 
@@ -39,7 +40,7 @@ def kernel_of(function, inputs, outputs) -> Kernel:
 
 
 def given(inputs: tuple[str, ...]) -> list[np.ndarray]:
-    """Seeded numbers in (-2, 2), none near 0; masks at random."""
+    """Draw seeded numbers in (-2, 2), none near 0, and random masks."""
     generator, arrays = np.random.default_rng(8), []
     for words in inputs:
         shape = (*(int(word) for word in words.split() if word.isdigit()), PROBLEMS)
@@ -51,7 +52,7 @@ def given(inputs: tuple[str, ...]) -> list[np.ndarray]:
 
 
 def assert_same(function, inputs: tuple[str, ...], outputs, *arrays: np.ndarray) -> list[np.ndarray]:
-    """Machine code gives what the interpreter gives; return it."""
+    """Check machine code against StableHLO's interpreter, and return the results of the machine code."""
     arrays = arrays or tuple(given(inputs))
     found = jax.tree.leaves(kernel_of(function, inputs, outputs).native(*arrays))
     expected = jax.tree.leaves(one_run(jax.vmap(function, in_axes=-1, out_axes=-1))(*arrays))
@@ -66,7 +67,7 @@ def built(function, *inputs: str) -> FunctionBuilder:
 
 
 def operations(function, *inputs: str) -> int:
-    """How many operations on numbers the function takes."""
+    """Count the arithmetic operations in the compiled function."""
     return built(function, *inputs).count_operations().total()
 
 
@@ -213,7 +214,7 @@ def test_reductions(function):
 
 
 def root(x):
-    """Newton's square root of |x| with its number of rounds: other problems need others."""
+    """Compute sqrt|x| by Newton's method; return iterations, which differ between problems, and root."""
 
     def unfinished(state):
         number, guess, before = state
@@ -235,7 +236,7 @@ def test_every_problem_goes_its_own_number_of_rounds():
 
 
 def test_a_loop_in_a_loop():
-    """Sums of so many roots, one more each round of the outer loop."""
+    """Sums of square roots whose number of terms differs between problems."""
 
     def function(x):
         def advance(state):
@@ -283,7 +284,7 @@ def length(v):
 
 @length.defjvp
 def _length_jvp(primals, tangents):
-    """With 0 where the vector is."""
+    """Derivative, with 0 at the zero vector."""
     (v,), (dv,) = primals, tangents
     value = length(v)
     return value, jnp.where(value > 0.0, v @ dv / jnp.where(value > 0.0, value, 1.0), 0.0)
@@ -298,7 +299,7 @@ doubled_backwards.defvjp(lambda x: (jnp.sin(x), x), lambda x, g: (2.0 * g * jnp.
 
 
 def curved(x):
-    """Of all operations that have a slope."""
+    """Function of all differentiable operations."""
     A = jnp.stack([x[:3] * x[1], jnp.sin(x[3:]), x[::2] / (2.0 + x[1::2] ** 2)])
     v = jnp.concatenate([A @ x[:3], jnp.maximum(x[2:4], 0.3), jnp.arctan2(x[:1], x[1:2])])
     bent = jnp.where(x[0] > 0.0, jnp.exp(-v[0]), jnp.log(1.0 + v[1] ** 2))
@@ -350,7 +351,7 @@ def test_gradients_of_slices_and_the_like(function):
 
 
 def test_a_tangent_through_a_loop():
-    """d sqrt(x) = dx / (2 sqrt(x)), the loop done once with both."""
+    """Check d sqrt(x) = dx / (2 sqrt(x)), where one loop computes value and tangent together."""
     x = np.geomspace(1e-2, 1e2, PROBLEMS)
 
     def slope(x):
@@ -382,7 +383,7 @@ def test_0_by_construction_stays_so_whatever_it_is_multiplied_by():
 
 
 def test_constants_that_are_no_number_are_those_of_ieee_and_may_be_left_unread():
-    """Inside of a function that JAX has not done by itself: 1 / 0, log 0, sqrt -1, exp 1e4."""
+    """1 / 0, log 0, sqrt -1 and exp 1e4 inside a jitted function, where JAX does not evaluate constants."""
 
     @jax.jit
     def inner(x, zero):
@@ -441,7 +442,7 @@ def test_what_it_does_not_know_is_said(function):
 ONE_AT_RANDOM = float(jax.random.uniform(jax.random.key(0)))
 
 cubed = Primitive("cubed_by_a_later_version")
-"""As a later JAX may bring one."""
+"""Primitive that the compiler does not know, as a later JAX may bring one."""
 cubed.def_abstract_eval(lambda x: x)
 batching.primitive_batchers[cubed] = lambda operands, places: (cubed.bind(*operands), places[0])
 mlir.register_lowering(cubed, mlir.lower_fun(lambda x: x**3, multiple_results=False))
@@ -458,7 +459,7 @@ mlir.register_lowering(cubed, mlir.lower_fun(lambda x: x**3, multiple_results=Fa
     ],
 )
 def test_what_it_does_not_know_is_left_to_xla(function, by_numpy):
-    """An effect of a user may need any function of JAX."""
+    """Check that XLA runs unknown operations: an effect of a user may contain any function of JAX."""
     (x,) = given(("3",))
     kernel = kernel_of(function, ("3",), "3")
     with pytest.raises(UnknownOperationError):

@@ -1,6 +1,5 @@
-"""The fast paths as machine code, by XLA and by numpy; other problems, threads and shapes change nothing; the cache;
-XLA where there is no machine code.
-"""
+"""Kernels of the fast paths as machine code, by XLA and by NumPy; independence of batch, threads and shapes; the cache;
+XLA as the fallback without machine code."""
 
 import logging
 import sys
@@ -35,17 +34,18 @@ from motions.rotations import DEG
 
 SAME_RAD = 1e-9
 SAME_RELATIVE = 1e-10
-"""Of a parameter: rounding, times the 1e4 or so by which the ellipsoid's free direction is loose."""
+"""Relative tolerance for a parameter: rounding, which the flat direction of the ellipsoid enlarges some 1e4 times."""
 
 SAME_CONDITION = 1e-10
-"""Of residuals, mm, and slopes, E a mm: rounding of the feet's multipliers, 1e-11 mm^2, where they are not polished."""
+"""Tolerance for residuals (mm) and gradients (E per mm): the multipliers of foot points without a final polishing step
+have rounding errors of 1e-11 mm^2."""
 
 SUBJECTS = 11
-"""Not a multiple of eight."""
+"""Number of subjects, not a multiple of the eight problems of a block."""
 
 
 def ragged() -> Motions:
-    """Subjects with 14, 9 and 5 postures in turn, some angles of whom were not measured."""
+    """Simulate subjects with 14, 9 and 5 postures in turn, with some unmeasured angles."""
     motions = simulate_subjects(SUBJECTS, seed=6)
     place = np.arange(len(motions.posture)) % 14
     number = np.arange(len(motions.posture)) // 14
@@ -77,7 +77,7 @@ def posture_arguments(iterations: float = 30.0):
 
 
 def by_three_engines(kernel: Kernel, given):
-    """By machine code, as it is written, and by XLA."""
+    """Run a kernel by machine code, by NumPy (its Python text), and by XLA."""
     with np.errstate(all="ignore"):
         return kernel.native(*given), kernel.text(*given), kernel.by_jax(*given)
 
@@ -94,7 +94,7 @@ def test_subjects_by_three_engines(data):
 def test_postures_by_three_engines():
     found, *others = by_three_engines(postures_kernel, posture_arguments())
     ended = found.converged
-    assert ended.mean() > 0.8  # in one round from one start
+    assert ended.mean() > 0.8  # with one round from one start
     for other in others:
         np.testing.assert_array_equal(ended, other.converged)
         np.testing.assert_allclose(found.angles[:, ended], other.angles[:, ended], rtol=0.0, atol=SAME_RAD)
@@ -112,7 +112,10 @@ def test_the_lowest_from_two_starts_by_three_engines():
 
 
 def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
-    """Each start followed to its end by itself, 40 degrees from any closed chain, where they often end apart."""
+    """Check the kernel with two starts against fits from each start alone.
+
+    The starts lie 40 degrees from any closed chain, where the two fits often end in different local minima.
+    """
     target = simulate_subjects(8, seed=9).angles_deg.T / DEG
     target = target + np.random.default_rng(1).normal(size=target.shape) * 20.0 / DEG
     count = target.shape[1]
@@ -125,7 +128,7 @@ def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
 
     (both, settled, apart), each = fitted(*starts), [fitted(one, one) for one in starts]
     ended = settled & each[0][1] & each[1][1]
-    assert ended.mean() > 0.8  # the others go on by projections
+    assert ended.mean() > 0.8  # ``fit_batch`` would continue the rest by projections
     assert (apart & ended).sum() > 3
     j = np.stack([one.j_deg2 for one, *_ in each])
     np.testing.assert_allclose(both.j_deg2[ended], j.min(axis=0)[ended], rtol=0.0, atol=1e-6)
@@ -137,7 +140,8 @@ def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
 
 @pytest.mark.parametrize("iterations", [2.0, 60.0])
 def test_the_conditions_are_those_of_the_definition(data, iterations):
-    """On the way as at the end: JAX's derivatives of E + lambda'g at the point where the iterations stopped."""
+    """Check ``residual_mm``, ``stationarity`` and ``slope`` against automatic derivatives of E + lambda'g at the point
+    where the iterations stopped, before convergence and after it."""
     problem, *rest = arguments(data, iterations)
     found = subjects_kernel.native(problem, *rest)
     residual, by_angle, by_theta = map(np.asarray, conditions(problem, *found[:3]))
@@ -158,7 +162,7 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
 
 
 def test_a_problem_is_the_same_alone_and_in_any_company(data):
-    """To the last bit: alone, among others, and among so many that every core has some."""
+    """Check bitwise equality of a problem alone, in a small batch, and in a batch large enough for every core."""
     among = subjects_kernel.native(*arguments(data))
     many = subjects_kernel.native(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
     for k in range(SUBJECTS):
@@ -243,7 +247,11 @@ def test_the_key_of_the_cached_code_is_that_of_this_checkout():
 
 
 def test_every_compiled_text_is_in_the_key_of_the_cached_code():
-    """But for what ``doctor`` tries, which is not kept; the order of the rooms holds that they import nothing else."""
+    """Check that every file with a ``Kernel`` lies in a package that the key covers.
+
+    The exception is ``doctor``, whose kernels are not cached. The import order of the packages, which a house test
+    checks, ensures that they import nothing else.
+    """
     rooms = [object_cache._ROOT / package for package in object_cache._PACKAGES]
     texts = {one: one.read_text() for one in (object_cache._ROOT / "adapt").rglob("*.py") if one.name != "doctor.py"}
     made = [one for one, text in texts.items() if " Kernel(" in text]
@@ -279,7 +287,7 @@ def linking_fails(monkeypatch):
 @pytest.mark.parametrize("damage", [llvmlite_is_missing, the_processor_is_unknown, compiling_fails, linking_fails])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_xla_does_it_where_there_is_no_machine_code(damage, dtype, tmp_path, monkeypatch, caplog):
-    """With one note, which nobody sees who has not asked for it, and no second attempt."""
+    """Check the fallback to XLA: one note at level INFO, not visible by default, and no second attempt to compile."""
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path)
     kernel._note_fallback.cache_clear()
     damage(monkeypatch)
@@ -297,7 +305,7 @@ def test_xla_does_it_where_there_is_no_machine_code(damage, dtype, tmp_path, mon
 
 
 def test_machine_code_runs_beside_a_gpu_too(monkeypatch):
-    """A GPU is slower: docs/research/performance.md."""
+    """Check that a kernel prefers machine code where JAX has a GPU, which is slower: docs/research/performance.md."""
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     monkeypatch.setattr(Kernel, "by_jax", fail)
     np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64)(np.arange(9.0)), 2.0 * np.arange(9))

@@ -1,4 +1,4 @@
-"""The arithmetic of machine code against numpy's: operations, loops, memory; problems that know nothing of others."""
+"""Arithmetic of machine code against NumPy: operations, loops, memory, and independence of the problems of a batch."""
 
 import re
 from pathlib import Path
@@ -15,20 +15,20 @@ from adapt.engine.trigonometry import half_pi_parts
 from motions.arrays import repeat, repeat_while, xp
 
 ULP = {np.float64: 2.3e-16, np.float32: 1.2e-7}
-"""Relative: one unit in the last place."""
+"""Relative size of one unit in the last place."""
 
 TYPES = list(ULP)
 
 SINE_ERROR = 2.0
-"""Units in the last place of 1, of sine and cosine; of the sine of what is small, relative."""
+"""Largest error of sine and cosine in units in the last place of 1; relative to the sine where the sine is small."""
 
 PROBLEMS = 29
-"""Not a multiple of eight."""
+"""Batch size, not a multiple of the eight problems of a block."""
 
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path, monkeypatch):
-    """The user's is keyed by the project's text, of which these functions are no part."""
+    """Use an empty cache: the keys of the user's cache cover the source of the project, not that of tests."""
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path)
 
 
@@ -37,7 +37,7 @@ def values(rows: int, seed: int = 1) -> np.ndarray:
 
 
 def machine(text, rows: int, given: int, *arrays: np.ndarray) -> np.ndarray:
-    """``text`` of a list of so many components, which gives a list of ``given``."""
+    """Compile ``text``, a function of a list of ``rows`` components that returns ``given`` components, and run it."""
     return np.asarray(Kernel("tried", text, (str(rows),), str(given), 64).native(*arrays))
 
 
@@ -71,7 +71,7 @@ def test_arithmetic_is_that_of_numpy(dtype):
 
 
 def neutral(x):
-    """Every operation with 0 and 1 on either side, which need no instruction where they change nothing."""
+    """Apply every operation with 0 and 1 on either side; some change nothing and need no instruction."""
     a, found = x[0], []
     for constant in (0.0, 1.0, xp.zeros_like(x[0]), xp.zeros_like(x[0]) + 1.0, xp.full_like(x[0], 1.0)):
         found += [a + constant, constant + a, a - constant, constant - a, a * constant, constant * a, constant / a]
@@ -91,7 +91,7 @@ def test_what_is_0_by_construction_stays_so_whatever_it_is_multiplied_by():
 
 
 def test_what_is_not_a_number_stays_so():
-    """In either place; a comparison with it is false."""
+    """NaN as either operand: arithmetic gives NaN, a comparison is false."""
     x = np.array([[np.nan, 1.0, np.nan], [1.0, np.nan, np.nan], [2.0, 2.0, 2.0]])
     found = machine(arithmetic, 3, 15, x)
     expected = np.stack(arithmetic(x))
@@ -113,7 +113,7 @@ def test_sine_and_cosine(size, dtype):
 
 
 def test_each_problem_iterates_for_itself():
-    """A problem that has finished stays as it is while others go on: Newton's square root, and a count."""
+    """Check that a converged problem keeps its result while others iterate, by Newton's square root."""
 
     def root(x):
         def better(carry):
@@ -131,7 +131,8 @@ def test_each_problem_iterates_for_itself():
 
 
 def test_a_truth_goes_round_in_a_loop():
-    """Halved three times, and whether it was below 1 on the way, or before."""
+    """Check a mask as a loop variable: x is halved three times; the mask is true where x began above 7 or was below 1
+    before a halving."""
 
     def text(x):
         y, below = repeat(3, lambda now: (now[0] / 2.0, now[1] | (now[0] < 1.0)), (x, x > 7.0))
@@ -143,7 +144,7 @@ def test_a_truth_goes_round_in_a_loop():
 
 
 def test_loops_over_places_sum_count_keep_and_replace():
-    """``along``: three numbers a posture, of which some do not count, and a second pass over what the first kept."""
+    """Check ``along``: sums over postures, some of which are masked, and a second pass over kept values."""
 
     def text(x, counted):
         over = along(counted, counted)
@@ -165,7 +166,7 @@ def test_loops_over_places_sum_count_keep_and_replace():
 
 
 def test_a_sum_of_ones_counts_the_places():
-    """What is the same at every place by construction is summed as anything else."""
+    """Check that a value that is constant over the places is summed like any other."""
 
     def text(x):
         total, worst, _ = along(x[0]).reduced(lambda row: (xp.full_like(row[0], 1.0), xp.full_like(row[0], 1.0), ()), x)
@@ -185,7 +186,7 @@ def test_components_are_stacked_where_they_are_arrays():
 
 
 def test_operations_are_counted_where_they_are_done():
-    """Two in the loop, one after it; what nothing depends on is left out, and what was computed is not again."""
+    """Check the counts: two operations in the loop, one after it; unused and repeated operations are left out."""
 
     def text(x):
         total, *_ = along(x[0]).reduced(lambda row: (row[0] * row[1], (), ()), x)
@@ -200,7 +201,7 @@ def test_operations_are_counted_where_they_are_done():
 
 @pytest.mark.parametrize(("dtype", "bits"), [(np.float64, 33), (np.float32, 13)])
 def test_parts_of_a_turn_are_exact(dtype, bits):
-    """The first parts of pi/2 have few enough bits that their products with whole numbers are exact."""
+    """Check that the first parts of pi/2 have so few bits that their products with whole numbers are exact."""
     parts = half_pi_parts(dtype)
     assert abs(sum(parts) - np.pi / 2) <= np.spacing(np.pi / 2)
     for part in parts[:2]:

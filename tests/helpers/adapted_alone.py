@@ -1,4 +1,4 @@
-"""One subject adapted by ``adapt.differentiable``: one program, of one shape, for all tests that ask for it."""
+"""Adaptation of one subject by ``adapt.differentiable``, as one compiled program of one shape for all tests."""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ from programs import few_runs
 from adapt.differentiable import AdaptedSubject, adapt_subject
 
 POSTURES = 22
-"""Of every subject; those that it has not are padding."""
+"""Number of postures of every subject; missing postures are padded."""
 
 
 def padded(angles: np.ndarray) -> np.ndarray:
@@ -21,8 +21,13 @@ def theta_and_result(girdle, points_mm, bounds_mm, angles, weight, measured):
 
 
 def alone(*given) -> tuple[AdaptedSubject, AdaptedSubject]:
-    """The result of what ``theta_and_result`` takes, and its slope where all numbers but ``measured`` grow by one."""
-    *numbers, measured = given  # all float64: a Python number has a weak type, and would ask for another program
+    """Adapt one subject; return the result, and its directional derivative where all numbers but ``measured`` grow at
+    rate 1.
+
+    The arguments are those of ``theta_and_result``.
+    """
+    # All arrays are float64: a Python number has a weak type, and would need another program.
+    *numbers, measured = given
     return _alone(jax.tree.map(lambda x: jnp.asarray(x, float), tuple(numbers)), jnp.asarray(measured))
 
 

@@ -1,4 +1,4 @@
-"""A report opened in a real browser: what is drawn, and what the browser had to say of it."""
+"""A report in a real browser: the charts that it draws, and the errors and requests that the browser reports."""
 
 import json
 from dataclasses import dataclass, field
@@ -22,11 +22,12 @@ Object.defineProperty(window, "Plotly", {
   set: (given) => (plotly = given).setPlotConfig({ plotGlPixelRatio: 0.5 }),
 });
 """
-"""Draws the 3-D view with half a pixel a CSS pixel in place of Plotly's two, before a page's own scripts run: without a
-graphics card these pixels are a fifth of a page's work, and what it draws from, and where, is the same."""
+"""Script that runs before those of a page: it draws the 3-D view with half a pixel per CSS pixel instead of Plotly's
+two. Without a graphics card these pixels are a fifth of the work of a page; positions and data of the drawing stay the
+same."""
 
 SETTLED_FRAMES = 4
-"""The view follows the mouse by a few ms: after as many frames alike it rests, however long a frame takes."""
+"""Number of equal frames after which the view counts as at rest: it follows the mouse with a delay of a few ms."""
 
 EYE = "document.getElementById('view')._fullLayout.scene._scene.getCamera().eye"
 
@@ -61,12 +62,12 @@ LOOKS_AS_ASKED = f"""
 """
 
 STARTS = 5
-"""A view that was turned as the test before ended can go on turning after it was set: it is set again."""
+"""Number of attempts to set the view, which may turn on from the previous test after it was set."""
 
 
 @dataclass
 class Seen:
-    """A page, and what the browser had to say of it."""
+    """A page, with its errors and requests."""
 
     page: Page
     errors: list[str] = field(default_factory=list)
@@ -74,22 +75,22 @@ class Seen:
     chosen: dict[str, Any] = field(default_factory=dict)
 
     def traces(self, place: str = "view") -> list[dict[str, Any]]:
-        """What is drawn there."""
+        """Read the traces of a chart."""
         return json.loads(self.page.evaluate(f"JSON.stringify(document.getElementById('{place}').data)"))
 
     def data(self) -> dict[str, Any]:
         return json.loads(self.page.inner_text("#data") or self.page.text_content("#data") or "")
 
     def settled_eye(self) -> dict[str, float]:
-        """Where the 3-D view is seen from once it has come to rest."""
+        """Wait until the 3-D view is at rest, and return its camera position."""
         return self.page.evaluate(SETTLED, SETTLED_FRAMES)
 
     def remember(self) -> None:
-        """What is chosen when the page opens."""
+        """Store the choices with which the page opens."""
         self.chosen = self.page.evaluate("({...at})")
 
     def start_anew(self, window: dict[str, int]) -> None:
-        """As opened in a window of this size: all of it is drawn again."""
+        """Restore the page as opened in a window of this size, with all charts drawn again."""
         if self.page.viewport_size != window:
             self.page.set_viewport_size(window)  # type: ignore[arg-type]
             self.page.evaluate("Promise.all([...document.querySelectorAll('.figure')].map(Plotly.Plots.resize))")
@@ -105,7 +106,7 @@ class Seen:
         self.requests.clear()
 
     def assert_quiet(self) -> None:
-        """No error, nothing asked of a network, nothing wider than the window."""
+        """Check that the page has no error, asks for nothing from a network, and is no wider than the window."""
         assert self.errors == []
         assert [url for url in self.requests if not url.startswith(("file:", "blob:", "data:"))] == []
         width, window = self.page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
@@ -113,7 +114,7 @@ class Seen:
 
 
 def numbers_of(seen: Seen, chart: str) -> list[list[str]]:
-    """The table beside a chart: its headings, then its rows."""
+    """Return the table beside a chart: its headings, then its rows."""
     numbers = seen.page.locator(f".numbers[data-of={chart}]:visible")
     if numbers.get_attribute("open") is None:
         numbers.locator("summary").click()
@@ -123,7 +124,7 @@ def numbers_of(seen: Seen, chart: str) -> list[list[str]]:
 
 
 def column(table: list[list[str]], heading: str) -> list[float | None]:
-    """One of its columns, None where a cell is empty."""
+    """Return one column of a table of ``numbers_of``, with None for an empty cell."""
     headings, *rows = table
     at = headings.index(heading)
     return [float(row[at]) if row[at] else None for row in rows]

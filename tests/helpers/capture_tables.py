@@ -6,17 +6,17 @@ RATE = 100
 
 
 def cells(lab: dict[str, np.ndarray], frame: int, gap: str = "") -> list[str]:
-    """x, y, z of each marker in one frame."""
+    """Return x, y, z of each marker in one frame."""
     return [gap if np.isnan(v) else repr(float(v)) for xyz in lab.values() for v in xyz[:, frame]]
 
 
 def frames(lab: dict[str, np.ndarray]) -> range:
-    """The numbers of the frames, from 0."""
+    """Return the numbers of the frames, from 0."""
     return range(next(iter(lab.values())).shape[1])
 
 
 def vicon(lab: dict[str, np.ndarray], unit: str = "mm", subject: str = "P01:") -> list[list[str]]:
-    """Nexus: Trajectories, the rate, two rows of names, the units, the frames."""
+    """Make a table of Vicon Nexus: Trajectories, the rate, two rows of names, the units, the frames."""
     names = [cell for name in lab for cell in (subject + name, "", "")]
     rows = [["Trajectories"], [str(RATE)], ["", "", *names], ["Frame", "Sub Frame", *["X", "Y", "Z"] * len(lab)]]
     rows.append(["", "", *[unit] * 3 * len(lab)])
@@ -24,7 +24,10 @@ def vicon(lab: dict[str, np.ndarray], unit: str = "mm", subject: str = "P01:") -
 
 
 def motive(lab: dict[str, np.ndarray], unit: str = "Millimeters", subject: str = "P01:") -> list[list[str]]:
-    """Motive: keys and values, then types, names, numbers, kinds and axes over the frames; a rigid body first."""
+    """Make a table of OptiTrack Motive.
+
+    It has keys and values, then types, names, numbers, kinds and axes above the frames; a rigid body comes first.
+    """
     first = ["Format Version", "1.23", "Take Name", "abduction", "Export Frame Rate", f"{RATE}.000000"]
     body, axes = ["X", "Y", "Z", "W", "X", "Y", "Z", ""], ["X", "Y", "Z"] * len(lab)
     names = [cell for name in lab for cell in [subject + name] * 3]
@@ -43,7 +46,8 @@ def motive(lab: dict[str, np.ndarray], unit: str = "Millimeters", subject: str =
 def qualisys(
     lab: dict[str, np.ndarray], with_time: bool = True, gap: str = "", prefix: str = "P01_"
 ) -> list[list[str]]:
-    """QTM: a word and its value a line, the names, then mm, behind number and time of the frame if asked for."""
+    """Make a table of Qualisys QTM: one word and its value per line, the names, then mm, after number and time of the
+    frame where ``with_time``."""
     names = [prefix + name for name in lab]
     count = len(frames(lab))
     rows = [
@@ -64,7 +68,7 @@ def qualisys(
 
 
 def visual3d(lab: dict[str, np.ndarray], kind: str = "TARGET") -> list[list[str]]:
-    """Visual3D: file, name, type, folder and component over each column."""
+    """Make a table of Visual3D: file, name, type, folder and component above each column."""
     names = [name for name in lab for _ in "XYZ"]
     rows = [["", *[cell] * len(names)] for cell in ("P01.c3d", "", kind, "ORIGINAL")]
     rows[1][1:] = names
@@ -72,13 +76,13 @@ def visual3d(lab: dict[str, np.ndarray], kind: str = "TARGET") -> list[list[str]
 
 
 def landmarks(lab: dict[str, np.ndarray], column: str = "{name}_{axis}_mm") -> list[list[str]]:
-    """One header: a column for each coordinate, called as the pattern says."""
+    """Make a table with one header: one column per coordinate, named by the pattern ``column``."""
     header = [column.format(name=name, axis=axis, AXIS=axis.upper()) for name in lab for axis in "xyz"]
     return [header, *(cells(lab, k) for k in frames(lab))]
 
 
 def text(rows: list[list[str]], separator: str = ",", decimal: str = ".") -> str:
-    """The rows as text; with a decimal comma every number has one."""
+    """Join the rows to text; with ``decimal`` as a comma, numbers are written with a comma."""
 
     def shown(cell: str) -> str:
         return cell.replace(".", decimal) if cell.replace(".", "").replace("-", "").replace("e", "").isdigit() else cell

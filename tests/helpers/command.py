@@ -1,4 +1,4 @@
-"""The command line run in this process, for the tests of it."""
+"""The command line, run in the process of the test."""
 
 import io
 import sys
@@ -15,7 +15,7 @@ SHIPPED = Path(cli.__file__).parents[2] / "motions" / "data" / "simulated_subjec
 
 @dataclass(frozen=True)
 class Ended:
-    """A run of the command."""
+    """Exit status and output of a command that has ended."""
 
     status: int
     out: str
@@ -28,7 +28,7 @@ class Ended:
 
 
 def girdle(*arguments: object) -> Ended:
-    """``girdle ARGUMENTS`` in this process, without the user's compilation cache."""
+    """Run ``girdle ARGUMENTS`` in this process, without the user's compilation cache."""
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.setattr(sys, "argv", ["girdle", *map(str, arguments)])
@@ -47,7 +47,7 @@ def written(folder: Path, lines: list[str], name: str = "motion.csv") -> Path:
 
 
 def refused(ended: Ended, where: str, cause: str, remedy: str) -> None:
-    """Exit status 2 and one line that says where, what and what to do."""
+    """Check for exit status 2 and one line on stderr with place, cause and remedy."""
     assert ended.status == 2
     assert ended.out == ""
     assert ended.err.count("\n") == 1, ended.err
@@ -57,5 +57,5 @@ def refused(ended: Ended, where: str, cause: str, remedy: str) -> None:
 
 
 def shipped_lines(subjects: int = 2) -> list[str]:
-    """Header and rows of the first shipped subjects: 14 postures each."""
+    """Return the header and the rows of the first shipped subjects, with 14 postures each."""
     return SHIPPED.read_text().splitlines()[: 1 + 14 * subjects]

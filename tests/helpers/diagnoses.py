@@ -1,4 +1,4 @@
-"""Diagnoses that no data made: every kind of answer, with numbers that are known."""
+"""Diagnoses made by hand, one for every kind of answer, with known numbers."""
 
 import math
 from dataclasses import replace
@@ -44,14 +44,14 @@ ALL_AND_BONES = (ALL, *BONES)
 
 
 def around(value: float) -> Interval:
-    """The value with an interval of 0.1 to either side."""
+    """Return the value with an interval of 0.1 to either side."""
     return Interval(value, value - 0.1, value + 0.1)
 
 
 def levels(
     noise_floor: float, base: float, adapted: float, own_bones: float, with_effect: float
 ) -> dict[GapKind, dict[str, Interval]]:
-    """The same gap in both bones."""
+    """Return these gaps, the same for both bones."""
     values: dict[GapKind, float] = {
         "noise_floor": noise_floor,
         "base": base,
@@ -63,7 +63,10 @@ def levels(
 
 
 def gap_of(adapted: float, with_effect: float, own_bones: float | None = None) -> Gaps:
-    """The gaps given are those of other motions of other persons, of which most was held out."""
+    """Return gaps of all kinds around the given ones.
+
+    The given gaps are those of other motions of other persons, where most was held out.
+    """
     own = with_effect if own_bones is None else own_bones
     return Gaps(
         in_sample=levels(0.2, 4.0, adapted - 0.4, own - 0.4, with_effect - 0.4),
@@ -78,7 +81,7 @@ def gap_budget(**steps: float) -> tuple[Step, ...]:
 
 
 def verdict(answer: Answer, *causes: Cause, **inclusion: float) -> Verdict:
-    """The probabilities of being active given; that of every other candidate is 0.02."""
+    """Return a verdict with the given inclusion probabilities, and 0.02 for every other candidate."""
     every = dict.fromkeys(CAUSES, 0.02) | inclusion
     ordered = dict(sorted(every.items(), key=lambda one: -one[1]))
     answers = {cause.names[0]: 0.9 / len(causes) for cause in causes} if answer == EFFECT else {answer: 0.9}
@@ -91,7 +94,7 @@ def cause(*names: str, gain: float = 0.5) -> Cause:
 
 
 def amplitude(name: str, size: float, typical: float, course: str = "", suffix: str = "") -> CauseAmplitude:
-    """Of a cause that acts in its first direction alone."""
+    """Return the amplitude of a cause that acts in its first direction alone."""
     effect = EFFECTS[name + suffix]
     first, *others = effect.directions
     directions = {first: around(size)} | dict.fromkeys(others, Interval(0.0, -0.1, 0.1))
@@ -127,7 +130,7 @@ NO_POSITIONS = Positions(
     measured_mm={},
     simulated_mm={state: {"SC": np.ones((3, len(_RHYTHM.posture)))} for state in _NOTHING_MM},
 )
-"""No landmark was measured."""
+"""Positions where no landmark was measured."""
 
 POSITIONS = replace(
     NO_POSITIONS,
@@ -137,7 +140,7 @@ POSITIONS = replace(
     not_told=("AC",),
     measured_mm={"SC": np.zeros((3, len(_RHYTHM.posture)))},
 )
-"""SC is where it is not simulated."""
+"""Measured SC is at 0 and simulated SC at 1 mm in every coordinate."""
 
 ONE = Diagnosis(
     model="R2",
@@ -190,7 +193,7 @@ TWO = replace(
         **{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "ac_translation": 1.4, "scapulothoracic_gap": 0.9, NOISE: 0.3},
     ),
 )
-"""Two causes: one that has two names, and one that is larger than such an effect is."""
+"""Two causes: one with two names, and one that is larger than its typical size."""
 
 _MANY = (
     cause("ac_translation", "conoid_strain", "sc_translation", "thorax_tilt"),
@@ -209,7 +212,7 @@ MANY = replace(
         | {NOISE: 0.3},
     ),
 )
-"""More causes and names than a sentence has room for."""
+"""More causes and names than one sentence can hold."""
 
 NOTHING = replace(
     ONE,
@@ -221,7 +224,7 @@ NOTHING = replace(
     left_over_share=math.nan,
     gaps=replace(gap_of(0.6, 0.6), other_person=None),
 )
-"""One person, nothing beyond noise."""
+"""One person, with no gap beyond noise."""
 
 OUTSIDE = replace(
     ONE,
@@ -231,10 +234,10 @@ OUTSIDE = replace(
     left_over_share=1.0,
     gaps=gap_of(2.8, 2.8),
 )
-"""A gap that no candidate takes away."""
+"""A gap that no candidate explains."""
 
 CHECKED = replace(ONE, positions=POSITIONS)
-"""With positions that the cause moves away from where they were measured."""
+"""Measured positions, from which the cause moves the landmarks away."""
 
 LONE = replace(ONE, kinds=("abduction",), gaps=replace(ONE.gaps, other_motion=None, other_person=None))
 """One kind of motion."""
@@ -250,7 +253,7 @@ BLIND = replace(
     lacking=(),
     next_measurement=[],
 )
-"""Nothing could be told."""
+"""Every gap is NaN."""
 
 BY_KIND = {
     "one": ONE,
@@ -265,10 +268,10 @@ BY_KIND = {
 
 
 def alone(diagnosis: Diagnosis) -> Diagnoses:
-    """The diagnosis as that of the only model."""
+    """Return the diagnosis as that of the only model."""
     return Diagnoses({diagnosis.model: diagnosis})
 
 
 def json_of(diagnosis: Diagnosis) -> JsonObject:
-    """What diagnosis.json holds of it."""
+    """Return the content of ``diagnosis.json`` for a diagnosis."""
     return as_json(alone(diagnosis))

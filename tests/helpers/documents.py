@@ -1,4 +1,4 @@
-"""The documents of the project, and what stands in them as code."""
+"""The documents of the project, and a pattern for their code blocks."""
 
 import re
 
@@ -14,9 +14,9 @@ DOCUMENTS = [
     *sorted((ROOT / "docs" / "notebooks").glob("*.md")),
     ROOT / "docs" / "site" / "api.md",
 ]
-"""Not the changelog: it names what was."""
+"""All documents but the changelog, which names files that no longer exist."""
 
 FENCE = re.compile(r"^```([^\n]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-"""A block of code: what stands behind its opening fence, and its text."""
+"""Code block; the groups are the words behind the opening fence and the code."""
 
 documents = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

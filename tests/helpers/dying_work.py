@@ -1,4 +1,4 @@
-"""Work whose process the system ends, for the processes of a large run: they import it by name."""
+"""Work whose process the system ends. The worker processes of a large run import it by name."""
 
 import os
 
@@ -7,7 +7,7 @@ from motions.table import Motions
 
 
 class DyingWork(Work):
-    """Ends the process that makes a part."""
+    """Work that ends its process when a part is asked for."""
 
     def part(self, motions: Motions) -> bytes:
         os._exit(1)

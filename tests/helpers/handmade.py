@@ -1,4 +1,4 @@
-"""Results of an adaptation that no solver made: quick, of any size, with gaps and failures that are known."""
+"""Results of an adaptation made by hand: quick, of any size, with known gaps and failures."""
 
 from collections.abc import Sequence
 
@@ -26,19 +26,19 @@ from motions import ANGLES, Motions
 from motions.rotations import DEG
 
 GAP_DEG = {False: 6.0, True: 2.0}
-"""Simulated less measured, every angle, before (False) and after adaptation (True)."""
+"""Simulated less measured angle, the same for every angle, before (False) and after adaptation (True)."""
 
 HELD_OUT_DEG = 3.0
-"""The same on motions held out."""
+"""Simulated less measured angle on held-out motions."""
 
 MOVED_MM = np.array([-10.0, 2.0, 1.0, 20.0, -1.0, 3.0])
-"""Adapted parameters less the set's own."""
+"""Adapted parameters less those of the set."""
 
 
 def motions_of(
     angles_deg: Float[np.ndarray, "subjects postures 6"], names: Sequence[str] = (), motion: str = "abduction"
 ) -> Motions:
-    """One motion of each subject, named ``names``, then s1, s2, ..."""
+    """Make one motion per subject; the subjects are ``names``, then s1, s2, ..."""
     subjects, postures, _ = angles_deg.shape
     every = [*names, *(f"s{k + 1}" for k in range(len(names), subjects))]
     rows = subjects * postures
@@ -54,7 +54,7 @@ def motions_of(
 
 
 def rising(subjects: int, postures: int) -> Float[np.ndarray, "subjects postures 6"]:
-    """About what a girdle does when the arm is raised; each subject half a degree beyond the one before."""
+    """Return typical angles of a girdle while the arm is raised; subjects are half a degree apart."""
     low = np.array([-28.0, 11.0, 7.0, 32.0, 10.0, -10.0])
     high = np.array([-55.0, 25.0, 50.0, 36.0, 50.0, 10.0])
     share = np.linspace(0.0, 1.0, postures)[None, :, None]
@@ -67,7 +67,11 @@ def adaptations(
     failed: Sequence[str] = (),
     gap_deg: dict[str, float] | None = None,
 ) -> Adaptations:
-    """Every angle off by GAP_DEG, or by ``gap_deg`` of the subject after adaptation; ``failed`` did not converge."""
+    """Make adaptations in which every angle is off by ``GAP_DEG``.
+
+    ``gap_deg`` replaces the gap after adaptation for the subjects that it holds. Subjects in ``failed`` did not
+    converge.
+    """
     lost = np.isin(motions.subject.astype(str), list(failed))
     after_deg = np.array([(gap_deg or {}).get(name, GAP_DEG[True]) for name in motions.subject.tolist()])
     by_state = {False: np.full(len(lost), GAP_DEG[False]), True: after_deg}
@@ -93,7 +97,7 @@ def adaptations(
 
 
 def _problems(motions: Motions, models: Sequence[AnyModel], results: dict[str, Adapted]) -> AdaptedSubjects:
-    """All models side by side, nothing held out."""
+    """Lay out the subjects of all models side by side, with nothing held out."""
     batch = posture_rows(motions)
     adapted: Adapted = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results.values())
     data = problems_of(batch, models)
@@ -101,7 +105,7 @@ def _problems(motions: Motions, models: Sequence[AnyModel], results: dict[str, A
 
 
 def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:
-    """Every motion of every subject off by HELD_OUT_DEG."""
+    """Make the table of held-out motions: every motion of every subject is off by ``HELD_OUT_DEG``."""
     gaps = dict(zip(("before", "in_sample", "unseen"), (GAP_DEG[False], GAP_DEG[True], HELD_OUT_DEG), strict=True))
     rows = [
         {"model": model.name, "subject": subject, "kind": MOTION, "held_out": motion, "postures": 1, "adapted_to": 1}
@@ -129,7 +133,7 @@ def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndar
 
 
 def _uncertainty(problems: int) -> Uncertainty:
-    """Of every parameter 1 mm, all of it noise."""
+    """Return an uncertainty of 1 mm for every parameter, all of it from noise."""
     unit = np.repeat(np.eye(len(ADAPTED))[..., None], problems, axis=-1)
     curvature = Curvature(unit, unit, np.zeros((len(ADAPTED), 6, 1, problems)), unit, unit)
     row = np.ones((len(ADAPTED), problems))

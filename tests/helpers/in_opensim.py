@@ -1,4 +1,4 @@
-"""OpenSim in a process of its own: its package brings libraries that others, such as CasADi, cannot live beside.
+"""OpenSim in a process of its own: the libraries of its package conflict with others, such as CasADi.
 
 ``python in_opensim.py model MODEL.osim TURNED_DEG`` and ``python in_opensim.py table MOTION.mot`` print JSON.
 """
@@ -14,7 +14,10 @@ CLAVICLE = ("clavicle_y", "clavicle_z", "clavicle_x")
 
 
 def opened(path: str, turned_deg: float) -> dict[str, Any]:
-    """The model assembled, the clavicle protracted further: its angles (rad), markers and conoid (m, ground)."""
+    """Assemble the model with the clavicle protracted by a further ``turned_deg``.
+
+    Return the angles of the clavicle (rad), and the markers and ends of the conoid (m, in ground).
+    """
     model = osim.Model(path)
     state = model.initSystem()
     coordinates = model.getCoordinateSet()
@@ -39,7 +42,7 @@ def opened(path: str, turned_deg: float) -> dict[str, Any]:
 
 
 def read(path: str) -> dict[str, Any]:
-    """A table of motion: whether it is in degrees, and its columns."""
+    """Read a motion table: its columns, and whether it is in degrees."""
     table = osim.TimeSeriesTable(path)
     columns = {name: table.getDependentColumn(name).to_numpy().tolist() for name in table.getColumnLabels()}
     return {"in_degrees": table.getTableMetaDataAsString("inDegrees"), "columns": columns}

@@ -1,4 +1,4 @@
-"""What the tests of laboratory files share: their nine postures, and a file that is refused."""
+"""Shared parts of the tests of laboratory files: nine elevations, labels, and the check of a refused file."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
 
 EXACT = 1e-9
-"""Degrees: what angles may change through a file and back; rounding leaves 1e-12."""
+"""Tolerance, in degrees, for angles written to a file and read back; rounding leaves 1e-12."""
 
 ELEVATIONS = np.linspace(5.0, 125.0, 9)
 LABELS = Labels("P01", "abduction")

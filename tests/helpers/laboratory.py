@@ -1,4 +1,4 @@
-"""A simulated laboratory: a girdle whose motion is known, its landmarks as a capture system would write them."""
+"""A simulated laboratory: a girdle with a known motion, and its landmarks as a capture system would write them."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,8 @@ RATE = 100.0
 SECONDS_UP = 3.0
 HIGHEST_DEG = 140.0
 
-# Midline landmarks whose thorax frame is the identity at the origin: halfway IJ-C7 lies straight above halfway PX-T8.
+# These midline landmarks give the identity as the thorax frame, at the origin: the middle of IJ and C7 lies straight
+# above that of PX and T8.
 THORAX_MM = {
     "IJ": np.array([0.0, 0.0, 0.0]),
     "C7": np.array([0.0, 40.0, 120.0]),
@@ -27,26 +28,26 @@ THORAX_MM = {
     "T8": np.array([0.0, -150.0, 130.0]),
 }
 GH_MM = np.array([-10.0, -45.0, -15.0])
-"""In the scapula frame."""
+"""Position of GH in the scapula frame."""
 HUMERUS_MM, ELBOW_MM = 280.0, 35.0
-"""GH to the elbow's middle; from there to an epicondyle."""
+"""Distance from GH to the middle of the elbow, and from there to an epicondyle."""
 AA_MM = np.array([-8.0, -12.0, 32.0])
-"""In the scapula frame through AC: behind and below it."""
+"""Position of AA in the scapula frame through AC: behind and below AC."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A simulated motion: its true angles and its landmarks in the thorax frame, right shoulder."""
+    """Simulated motion of a right shoulder: true angles, and landmarks in the thorax frame."""
 
     elevation_deg: np.ndarray
     angles_deg: np.ndarray
-    """(frames, 6)"""
+    """Shape (frames, 6)."""
     thorax_mm: dict[str, np.ndarray]
-    """(3, frames) each."""
+    """Shape (3, frames) each."""
 
 
 def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, closed: bool = False) -> Trial:
-    """R2, raised as the published rhythm says; closed: as close to it as its constraints let it."""
+    """Raise the arm of R2 by the published rhythm; where ``closed``, by angles near it that close the chain."""
     girdle = load_model("R2").girdle
     rest = np.repeat(REST_DEG[:, None], len(elevation_deg), axis=1)
     coefficients = np.repeat(COEFFICIENTS[:, :, None], len(elevation_deg), axis=2)
@@ -55,7 +56,7 @@ def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, closed: b
 
 
 def on_constraints(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
-    """Angles (6, frames) near the given ones where A1-A3 hold, by steps q - G' (G G')^-1 g (Gauss-Newton)."""
+    """Return angles (6, frames) near the given ones where A1-A3 hold, by Gauss-Newton steps q - G' (G G')^-1 g."""
     frames = girdle.repeated(angles.shape[1])
     q = jnp.asarray(angles)
     for _ in range(12):
@@ -68,14 +69,14 @@ def on_constraints(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
 
 @few_runs
 def _linearised(girdle: Girdle, q):
-    """g and its slopes by the six angles."""
+    """Compute g and its derivatives by the six angles."""
     units = [jnp.broadcast_to(unit[:, None], q.shape) for unit in jnp.eye(6)]
     rows = [jax.jvp(girdle.residuals_mm, (q,), (unit,)) for unit in units]
     return rows[0][0], jnp.stack([row[1] for row in rows], axis=1)
 
 
 def trial_of(girdle: Girdle, angles: np.ndarray, elevation_deg: np.ndarray, plane_deg: float) -> Trial:
-    """The landmarks of a girdle at angles (6, frames) in radians, and of an arm."""
+    """Return the landmarks of a girdle at angles (6, frames) in radians, and of an arm."""
     at = landmarks(girdle.repeated(len(elevation_deg)), angles)
     R_scapula = rotation_from_cardan(angles[3:])
     AC = at.AC
@@ -98,7 +99,7 @@ def trial_of(girdle: Girdle, angles: np.ndarray, elevation_deg: np.ndarray, plan
 
 
 def up_and_down(highest_deg: float = HIGHEST_DEG, seconds_up: float = SECONDS_UP) -> np.ndarray:
-    """Elevations of an arm that is raised and lowered once, smoothly, a value each frame."""
+    """Return elevations of an arm that is raised and lowered once, smoothly; one value per frame."""
     frames = int(2 * seconds_up * RATE)
     return highest_deg * 0.5 * (1.0 - np.cos(2.0 * np.pi * np.arange(frames) / (frames - 1)))
 
@@ -106,7 +107,7 @@ def up_and_down(highest_deg: float = HIGHEST_DEG, seconds_up: float = SECONDS_UP
 def in_laboratory(
     thorax_mm: dict[str, np.ndarray], rotation: np.ndarray, origin_mm: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """The landmarks in a laboratory frame (rows of `rotation`: the thorax's axes in it)."""
+    """Transform landmarks to a laboratory frame; the columns of ``rotation`` are the axes of the thorax in it."""
     return {name: rotation @ xyz + origin_mm[:, None] for name, xyz in thorax_mm.items()}
 
 
@@ -115,7 +116,7 @@ def with_noise(lab: dict[str, np.ndarray], sd: float, generator: Generator) -> d
 
 
 def with_gaps(lab: dict[str, np.ndarray], gaps: dict[str, slice]) -> dict[str, np.ndarray]:
-    """NaN in some frames of some markers."""
+    """Put NaN into some frames of some markers."""
     result = {name: xyz.copy() for name, xyz in lab.items()}
     for name, frames in gaps.items():
         result[name][:, frames] = np.nan
@@ -123,7 +124,7 @@ def with_gaps(lab: dict[str, np.ndarray], gaps: dict[str, slice]) -> dict[str, n
 
 
 def write_c3d(path, lab: dict[str, np.ndarray], unit: str | None = "mm", names: list[str] | None = None) -> None:
-    """The landmarks as a .c3d file, by ezc3d."""
+    """Write the landmarks as a .c3d file, by ezc3d."""
     content = ezc3d.c3d()
     point = content["parameters"]["POINT"]
     point["RATE"]["value"] = [RATE]
@@ -136,7 +137,7 @@ def write_c3d(path, lab: dict[str, np.ndarray], unit: str | None = "mm", names: 
 
 
 def trc_lines(lab: dict[str, np.ndarray], unit: str = "mm", frames_said: int | None = None) -> list[str]:
-    """The landmarks as the lines of a .trc file; gaps are empty cells."""
+    """Return the landmarks as the lines of a .trc file; gaps are empty cells."""
     names, count = list(lab), next(iter(lab.values())).shape[1]
     said = count if frames_said is None else frames_said
     head = [

@@ -1,4 +1,4 @@
-"""The conditions of an adaptation's optimum from their definition, by automatic differentiation."""
+"""Optimality conditions of an adaptation, from their definition, by automatic differentiation."""
 
 from functools import partial
 
@@ -12,7 +12,7 @@ from models.person.thorax_ellipsoid import thorax_distance_mm2
 @few_runs
 @partial(jax.vmap, in_axes=-1, out_axes=-1)
 def conditions(problem: SubjectProblem, theta, angles, multipliers):
-    """g, and the derivatives of D + sum 1/2 (q - s)' W (q - s) + lambda'g in q of every posture and in theta."""
+    """Compute g, and the gradients of D + sum 1/2 (q - s)' W (q - s) + lambda'g in all angles q and in theta."""
 
     def lagrangian(q, theta, part):
         moved = problem.girdle.with_adapted(theta)

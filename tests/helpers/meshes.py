@@ -1,4 +1,4 @@
-"""Surfaces of triangles as files, written without the reader's library."""
+"""Triangle meshes as files, written without the library that reads them."""
 
 import struct
 from pathlib import Path
@@ -39,7 +39,7 @@ def write_ply(path: Path, corners: np.ndarray, faces: np.ndarray) -> Path:
 
 
 def write_vtp(path: Path, corners: np.ndarray, faces: np.ndarray) -> Path:
-    """As OpenSim's geometry: XML with the numbers as text."""
+    """Write a mesh as OpenSim does: XML with the numbers as text."""
 
     def array(kind: str, name: str, numbers: np.ndarray, components: int = 1) -> str:
         text = " ".join(map(str, numbers.ravel().tolist()))

@@ -1,7 +1,7 @@
-"""Independent engines: SciPy's SLSQP for one posture, CasADi and IPOPT for a whole subject.
+"""Independent solvers: SciPy's SLSQP for one posture, CasADi and IPOPT for a whole subject.
 
-Nothing here calls ``models.girdle``, ``models.ellipsoid`` or ``adapt``: rotations, landmarks, distances and
-derivatives are written anew, in NumPy and in CasADi. Angles are in degrees, lengths in mm.
+Nothing here calls ``models.girdle``, ``models.ellipsoid`` or ``adapt``: rotations, landmarks, distances and derivatives
+are written anew, in NumPy and in CasADi. Angles are in degrees, lengths in mm.
 """
 
 import functools
@@ -15,7 +15,7 @@ WEIGHT = 10.0
 """w of Eq. 6.5."""
 
 _RTOL: Any = 1e-15
-"""The smallest relative tolerance that Brent's method of SciPy takes is 4 rounding errors."""
+"""Smallest relative tolerance that SciPy's Brent method accepts: 4 rounding errors."""
 
 _LENGTHS = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
 _K = np.array([np.cross(np.eye(3)[k], np.eye(3)).T for k in (1, 2, 0)])
@@ -26,7 +26,7 @@ _K_SQUARED = _K @ _K
 
 @dataclass(frozen=True)
 class Bones:
-    """A girdle as NumPy arrays, by the names of ``models.girdle.Girdle``."""
+    """A girdle as NumPy arrays; the fields have the names of ``models.girdle.Girdle``."""
 
     centre_mm: np.ndarray
     semi_axes_mm: np.ndarray
@@ -42,7 +42,7 @@ class Bones:
 
 
 def bones(girdle, problem: int | None = None) -> Bones:
-    """The numbers of an unbatched girdle, or of one lane of a batch."""
+    """Return the numbers of an unbatched girdle, or of problem ``problem`` of a batch."""
     values: dict[str, Any] = {k: np.asarray(v if problem is None else v[..., problem]) for k, v in vars(girdle).items()}
     for k in _LENGTHS:
         values[k] = float(values[k])
@@ -50,10 +50,10 @@ def bones(girdle, problem: int | None = None) -> Bones:
 
 
 def shortest_conoid_mm(girdle) -> float:
-    """||u| - |v||, the shortest distance between the attachments of the conoid in any posture.
+    """Compute ||u| - |v||, the shortest distance between the attachments of the conoid in any posture.
 
-    u: from the clavicular attachment to AC; v: from AC to the scapular attachment. A conoid shorter than this, or
-    longer than |u| + |v|, closes in no posture (A3).
+    u runs from the clavicular attachment to AC, v from AC to the scapular attachment. A chain with a conoid shorter
+    than this, or longer than |u| + |v|, closes in no posture (A3).
     """
     u = np.asarray(girdle.ac_mm - girdle.clavicle_conoid_mm)
     v = np.asarray(girdle.scapula_conoid_mm)
@@ -61,7 +61,7 @@ def shortest_conoid_mm(girdle) -> float:
 
 
 def cardan(angles_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R = Ry Rz Rx, each exp(angle K), and its three derivatives a degree."""
+    """Compute R = Ry Rz Rx, each exp(angle K), and its three derivatives per degree."""
     angles = np.radians(angles_deg)[:, None, None]
     Ry, Rz, Rx = np.eye(3) + np.sin(angles) * _K + (1.0 - np.cos(angles)) * _K_SQUARED
     Ky, Kz, Kx = _K
@@ -71,9 +71,9 @@ def cardan(angles_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def ellipsoid_distance(p: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarray]:
-    """Signed distance of a point from the centre to the surface, and the normal there.
+    """Compute the signed distance to the surface for a point relative to the centre, and the normal at the foot point.
 
-    Brent's method on the largest t with sum (a_i p_i / (t + a_i^2))^2 = 1.
+    Brent's method finds the largest t with sum (a_i p_i / (t + a_i^2))^2 = 1.
     """
     terms = [(abs(a * x), a * a) for a, x in zip(axes.tolist(), p.tolist(), strict=True)]
     (x, xx), (y, yy), (z, zz) = terms
@@ -84,7 +84,7 @@ def ellipsoid_distance(p: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarr
     low = max(ap - a2 for ap, a2 in terms)
     high = np.sqrt(sum(ap * ap for ap, _ in terms)) - min(a2 for _, a2 in terms)
     t: Any = high
-    if secular(high) < 0.0:  # else a sphere's root, to rounding
+    if secular(high) < 0.0:  # otherwise ``high`` is the root to rounding, as for a sphere
         t = brentq(secular, low, high, xtol=1e-14, rtol=_RTOL) if secular(low) > 0.0 else low
     n = p / (t + axes * axes)
     length = np.linalg.norm(n)
@@ -92,7 +92,7 @@ def ellipsoid_distance(p: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarr
 
 
 def constraints(b: Bones, q_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A1-A3 in mm and their derivatives in mm a degree."""
+    """Compute A1-A3 in mm and their derivatives in mm per degree."""
     R_C, dR_C = cardan(q_deg[:3])
     R_S, dR_S = cardan(q_deg[3:])
     AC, dAC = b.sc_mm + R_C @ b.ac_mm, dR_C @ b.ac_mm
@@ -118,7 +118,7 @@ class Posture:
 
 
 def slsqp(b: Bones, target_deg: np.ndarray, start_deg: np.ndarray, measured: np.ndarray | None = None) -> Posture:
-    """The closest closed posture near ``start_deg``: SciPy's SLSQP with analytic derivatives."""
+    """Find the closest closed posture near ``start_deg`` by SciPy's SLSQP, with analytic derivatives."""
     share = np.ones(6) if measured is None else measured.astype(float)
     share = share / share.sum()
     target = np.where(share > 0.0, target_deg, 0.0)
@@ -143,7 +143,7 @@ def slsqp(b: Bones, target_deg: np.ndarray, start_deg: np.ndarray, measured: np.
 
 
 def kkt_residual(b: Bones, target_deg, q_deg, multipliers, measured: np.ndarray | None = None) -> float:
-    """max |dJ/dq + G' lambda| with q in degrees, J in deg^2 and lambda in deg^2 a mm."""
+    """Compute max |dJ/dq + G' lambda|, with q in degrees, J in deg^2 and lambda in deg^2 per mm."""
     share = np.ones(6) if measured is None else measured.astype(float)
     share = share / share.sum()
     gap = np.where(share > 0.0, q_deg - np.where(share > 0.0, target_deg, 0.0), 0.0)
@@ -162,7 +162,7 @@ class Subject:
 
 
 T_SCALE_MM2 = 1e4
-"""The foot point multipliers t are of the size of distance times semi-axis, mm^2: scaled to the size of 1."""
+"""Scale of the foot point multipliers t (distance times semi-axis), so that the variables of IPOPT are of size 1."""
 
 
 IPOPT_OPTIONS = {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 500, "bound_relax_factor": 0.0}
@@ -177,17 +177,17 @@ def ipopt(
     bounds_mm: np.ndarray,
     measured: np.ndarray | None = None,
 ) -> Subject:
-    """min D + w mean(J_p) over theta and all postures at once, from (theta_mm, angles_deg).
+    """Minimise D + w mean(J_p) over theta and all postures at once, from (theta_mm, angles_deg).
 
-    ``target_deg`` and ``angles_deg`` are (6, postures). The variables are the angles, theta and one multiplier t for
-    each TS, AI and thorax point, with its secular equation as a constraint.
+    ``target_deg`` and ``angles_deg`` have shape (6, postures). The variables are the angles, theta and one multiplier t
+    for each TS, AI and thorax point, with its secular equation as a constraint.
     """
     P = target_deg.shape[1]
     solver, arguments = ipopt_call(b, points_mm, target_deg, theta_mm, angles_deg, bounds_mm, measured)
     found = solver(**arguments)
     x = np.array(found["x"]).ravel()
     angles, theta = x[: 6 * P].reshape(P, 6).T, x[6 * P : 6 * P + 6]
-    # Verified here, outside CasADi: a secular equation has roots that are not the nearest point.
+    # This check runs outside CasADi, because a secular equation also has roots that are not the nearest point.
     E, open_mm = whole_objective(b, points_mm, target_deg, theta, angles, measured)
     same = abs(E - float(found["f"])) <= 1e-7 * (1.0 + abs(E))
     return Subject(E, theta, angles, bool(solver.stats()["success"]) and same and open_mm < 1e-6)
@@ -196,7 +196,7 @@ def ipopt(
 def ipopt_call(
     b: Bones, points_mm, target_deg, theta_mm, angles_deg, bounds_mm, measured: np.ndarray | None = None
 ) -> tuple[Any, dict[str, Any]]:
-    """The solver of :func:`ipopt` and the arguments of its one call."""
+    """Return the solver of :func:`ipopt` and the arguments of its one call."""
     P, N = target_deg.shape[1], points_mm.shape[1]
     start_t = foot_point_multipliers(b, points_mm, theta_mm, angles_deg)
     x0 = np.concatenate([angles_deg.T.ravel(), theta_mm, start_t / T_SCALE_MM2])
@@ -208,19 +208,19 @@ def ipopt_call(
 
 
 def with_theta(b: Bones, theta: np.ndarray) -> Bones:
-    """The same girdle with other adapted parameters M_y, M_z, A_x, A_y, A_z, conoid."""
+    """Return the girdle with other adapted parameters M_y, M_z, A_x, A_y, A_z, conoid length."""
     moved = {"centre_mm": np.array([b.centre_mm[0], *theta[:2]]), "semi_axes_mm": theta[2:5]}
     return Bones(**{**vars(b), **moved, "conoid_length_mm": float(theta[5])})
 
 
 def shares(P: int, measured: Any = None) -> np.ndarray:
-    """Of the square of each angle, (6, postures), in mean J."""
+    """Return the weight of the square of each angle in mean J, with shape (6, postures)."""
     known = np.ones((6, P)) if measured is None else np.array(measured, float)
     return known / known.sum(axis=0) / P
 
 
 def whole_objective(b: Bones, points_mm, target_deg, theta, angles_deg, measured=None) -> tuple[float, float]:
-    """E at given parameters and postures, and how far the chains gape, mm."""
+    """Compute E at given parameters and postures, and the largest constraint violation in mm."""
     moved = with_theta(b, theta)
     D = np.mean([ellipsoid_distance(p - moved.centre_mm, moved.semi_axes_mm)[0] ** 2 for p in points_mm.T])
     gaps = [np.abs(constraints(moved, q)[0]).max() for q in angles_deg.T]
@@ -229,13 +229,13 @@ def whole_objective(b: Bones, points_mm, target_deg, theta, angles_deg, measured
 
 
 def fixed_numbers(b: Bones) -> np.ndarray:
-    """What no variable changes, as parameters of the problem in CasADi."""
+    """Return the numbers that no variable changes, as parameters of the CasADi problem."""
     vectors = (b.sc_mm, b.ac_mm, b.clavicle_conoid_mm, b.ts_mm, b.ai_mm, b.scapula_conoid_mm)
     return np.concatenate([*vectors, [b.centre_mm[0], b.ts_distance_mm, b.ai_distance_mm]])
 
 
 def foot_point_multipliers(b: Bones, points_mm, theta, angles_deg) -> np.ndarray:
-    """t of TS and AI of every posture, then of the thorax points."""
+    """Compute t for TS and AI of every posture, then for the thorax points."""
     moved = with_theta(b, theta)
     on_bones = []
     for q in angles_deg.T:
@@ -254,14 +254,14 @@ def foot_point_multipliers(b: Bones, points_mm, theta, angles_deg) -> np.ndarray
 
 @functools.cache
 def _whole_subject(P: int, N: int, measured: Any) -> Any:
-    """The IPOPT solver of a subject with P postures and N thorax points."""
+    """Return the IPOPT solver of a subject with P postures and N thorax points."""
     import casadi as ca
 
     return ca.nlpsol("subject", "ipopt", subject_problem(P, N, measured), {"print_time": False, "ipopt": IPOPT_OPTIONS})
 
 
 def subject_problem(P: int, N: int, measured: Any = None) -> dict[str, Any]:
-    """The problem of a subject with P postures and N thorax points in CasADi's symbols."""
+    """Build the problem of a subject with P postures and N thorax points in CasADi's symbols."""
     import casadi as ca
 
     q, theta, t = ca.SX.sym("q", 6, P), ca.SX.sym("theta", 6), ca.SX.sym("t", 2 * P + N)
@@ -291,7 +291,7 @@ def subject_problem(P: int, N: int, measured: Any = None) -> dict[str, Any]:
 
 
 def casadi_cardan(ca, angles_deg):
-    """R = Ry Rz Rx in CasADi's symbols."""
+    """Build R = Ry Rz Rx in CasADi's symbols."""
     a, b, c = (angles_deg[k] * np.pi / 180.0 for k in range(3))
     Ry = ca.vertcat(ca.horzcat(ca.cos(a), 0, ca.sin(a)), ca.DM([[0, 1, 0]]), ca.horzcat(-ca.sin(a), 0, ca.cos(a)))
     Rz = ca.vertcat(ca.horzcat(ca.cos(b), -ca.sin(b), 0), ca.horzcat(ca.sin(b), ca.cos(b), 0), ca.DM([[0, 0, 1]]))

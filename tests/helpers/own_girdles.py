@@ -1,4 +1,4 @@
-"""The girdle of a person's own sizes, and the most probable one by CasADi and IPOPT, written anew from the definitions.
+"""Girdle of a person's sizes, and the most probable sizes by CasADi and IPOPT, written anew from the definitions.
 
 Nothing here calls ``models`` or ``adapt``: each size is added to the numbers of the girdle by its meaning. Angles are
 in degrees, lengths in mm, sizes in their units (mm, percent of the bone, degrees).
@@ -28,14 +28,14 @@ OWN = (
     *("clavicle_frame_x", "clavicle_frame_y", "clavicle_frame_z"),
     *("scapula_frame_x", "scapula_frame_y", "scapula_frame_z"),
 )
-"""In the order of every vector of sizes."""
+"""Names of the sizes, in the order of every vector of sizes."""
 
 CORACOID_SHARE = 0.75
-"""The coracoid grows by three quarters of what the blade does."""
+"""Growth of the coracoid relative to that of the blade."""
 
 
 def with_sizes(b: Bones, sizes: Mapping[str, float]) -> Bones:
-    """The girdle of a person whose sizes, from those of a set, are these."""
+    """Return the girdle of a person whose sizes differ from those of a set by ``sizes``."""
 
     def at(name: str) -> float:
         return sizes.get(name, 0.0)
@@ -44,7 +44,7 @@ def with_sizes(b: Bones, sizes: Mapping[str, float]) -> Bones:
         return np.array([at(f"{name}_x"), at(f"{name}_y"), at(f"{name}_z")])
 
     def on_bone(vector_mm, larger_percent: float, frame: str) -> np.ndarray:
-        """Grown, and turned as the axes of the frame are the other way."""
+        """Return a vector of a bone after growth, turned opposite to the axes of the measured frame."""
         return vector_mm + larger_percent / 100.0 * vector_mm + np.cross(np.radians(place(frame)), vector_mm)
 
     longer, larger, AC = at("clavicle_length"), at("scapula_size"), place("scapula_AC")
@@ -66,7 +66,7 @@ def with_sizes(b: Bones, sizes: Mapping[str, float]) -> Bones:
 
 
 def numbers(b: Bones) -> np.ndarray:
-    """All its numbers, one after the other: what sizes change in proportion."""
+    """Return all numbers of a girdle in one vector; they are linear in the sizes."""
     return np.concatenate([np.atleast_1d(x) for x in vars(b).values()])
 
 
@@ -83,7 +83,7 @@ class Own:
 def own_objective(
     b: Bones, sd, noise_deg: float, target_deg, sizes, angles_deg, weights: Any = 1.0
 ) -> tuple[float, float]:
-    """F = sum of weights (q - s)^2 + noise^2 |z|^2, z = size / SD, and how far the chains gape, mm."""
+    """Compute F = sum of weights (q - s)^2 + noise^2 |z|^2, z = size / SD, and the largest constraint violation, mm."""
     person = with_sizes(b, dict(zip(OWN, sizes, strict=True)))
     gaps = [np.abs(constraints(person, q)[0]).max() for q in angles_deg.T]
     z = np.divide(sizes, sd, out=np.zeros(len(OWN)), where=sd > 0.0)
@@ -91,10 +91,10 @@ def own_objective(
 
 
 def ipopt_own(b: Bones, sd, noise_deg: float, target_deg, sizes, angles_deg, weights: Any = 1.0) -> Own:
-    """min F over all sizes and all postures at once, from (sizes, angles_deg), both (.., postures) in degrees.
+    """Minimise F over all sizes and all postures at once, from (sizes, angles_deg); angles are (6, postures).
 
-    ``weights``: of each angle's square. A size of SD 0 stays. The variables are the angles, z and one multiplier t for
-    TS and AI of each posture, with its secular equation as a constraint.
+    ``weights`` are those of the squared differences of the angles. A size of SD 0 stays. The variables are the angles,
+    z and one multiplier t for TS and AI of each posture, with its secular equation as a constraint.
     """
     P, weights = target_deg.shape[1], np.broadcast_to(weights, target_deg.shape)
     z = np.divide(sizes, sd, out=np.zeros(len(OWN)), where=sd > 0.0)
@@ -107,14 +107,14 @@ def ipopt_own(b: Bones, sd, noise_deg: float, target_deg, sizes, angles_deg, wei
     found = solver(x0=x0, p=given, lbg=0.0, ubg=0.0)
     x = np.array(found["x"]).ravel()
     angles, sizes = x[: 6 * P].reshape(P, 6).T, x[6 * P : 6 * P + len(OWN)] * sd
-    # Verified here, outside CasADi: a secular equation has roots that are not the nearest point.
+    # This check runs outside CasADi, because a secular equation also has roots that are not the nearest point.
     F, open_mm = own_objective(b, sd, noise_deg, target_deg, sizes, angles, weights)
     same = abs(F - float(found["f"])) <= 1e-7 * (1.0 + abs(F))
     return Own(F, sizes, angles, bool(solver.stats()["success"]) and same and open_mm < 1e-6)
 
 
 def _multipliers(b: Bones, angles_deg) -> np.ndarray:
-    """t of TS and AI of every posture."""
+    """Compute t for TS and AI of every posture."""
     result = []
     for q in angles_deg.T:
         R_C, R_S = cardan(q[:3])[0], cardan(q[3:])[0]
@@ -127,7 +127,7 @@ def _multipliers(b: Bones, angles_deg) -> np.ndarray:
 
 @functools.cache
 def _own_solver(P: int, count: int) -> Any:
-    """The solver of persons with P postures; ``count``: numbers of a girdle."""
+    """Return the solver for persons with P postures; ``count`` is the number of numbers of a girdle."""
     import casadi as ca
 
     n = len(OWN)

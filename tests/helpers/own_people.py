@@ -1,7 +1,7 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
 # pyright: reportGeneralTypeIssues=false, reportCallIssue=false, reportOperatorIssue=false
-# (own_bones is None of a plain adaptation; pandas and SciPy say "Series | object" of nearly every result)
-"""Persons with own bones: simulated, and adapted with scales that are known."""
+# (own_bones is None after a plain adaptation; pandas and SciPy type nearly every result as "Series | object")
+"""Persons with own bones: simulated, and adapted with known scales."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -30,7 +30,7 @@ SD = spread_about(R2).sd
 
 
 def people(scales: Scales = Scales(noise_deg=NOISE_DEG), **sds: float) -> People:  # noqa: B008
-    """Scales that are known, for R2 and breteler_dissection."""
+    """Return the people of a run with known scales, for R2 and breteler_dissection."""
     known = dict.fromkeys(("R2", "breteler_dissection"), scales)
     return People(sds, known, {name: {} for name in known})
 
@@ -44,8 +44,10 @@ def of_subject(motions: Motions, name: str) -> Motions:
 
 
 def simulated(persons: int, factor: float = 1.0, noise_deg: float = NOISE_DEG, seed: int = 1) -> SimpleNamespace:
-    """Persons whose sizes have the SDs of the prior (of bones and frames times ``factor``), and the closed postures
-    nearest to the rhythm with noise."""
+    """Simulate persons with own bones, their closed postures nearest to the rhythm, and these motions with noise.
+
+    The sizes have the SDs of the prior, those of bones and frames times ``factor``.
+    """
     generator = np.random.default_rng(seed)
     scale = np.where([name in ADAPTED for name in OWN], 1.0, factor)
     sizes = (SD * scale)[:, None] * generator.standard_normal((len(OWN), persons))
@@ -56,5 +58,5 @@ def simulated(persons: int, factor: float = 1.0, noise_deg: float = NOISE_DEG, s
     chain = jax.tree.map(lambda x: x[..., of_row], girdle)
     fitted = fit_batch(chain, wanted.angles_deg.T / DEG, np.ones((6, len(of_row)), bool))
     true = replace(wanted, angles_deg=fitted.angles.T * DEG).select(fitted.status == "ok")
-    there = np.isin(wanted.subjects, true.subjects)  # a girdle may close in no posture
+    there = np.isin(wanted.subjects, true.subjects)  # some simulated girdles close in no posture
     return SimpleNamespace(sizes=sizes[:, there], true=true, motions=add_noise(true, noise_deg, generator))

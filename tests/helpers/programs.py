@@ -1,4 +1,4 @@
-"""Programs that a test runs a few times: most of their time is compilation."""
+"""Ways to run JAX programs that a test uses a few times, where compilation takes most of the time."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,22 +14,22 @@ from adapt.engine.batching import QUICK_TO_COMPILE
 stablehlo.register_stablehlo_passes()
 
 _WHAT_THE_INTERPRETER_KNOWS = "builtin.module(func.func(chlo-legalize-to-stablehlo))"
-"""Written with nothing else: of an operation that it does not know it ends the process."""
+"""Passes to StableHLO operations: on an operation that the interpreter does not know, it ends the process."""
 
 
 def few_runs(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``jax.jit``, compiled in half the time, and as exact. It cannot be part of another program.
+    """Compile by ``jax.jit`` in half the time; the results are as exact. The program cannot be part of another one.
 
-    For what a test makes itself; what the project compiles is tested as it is.
+    It is for functions of tests; functions that the project compiles are tested as compiled there.
     """
     return jax.jit(function, compiler_options=QUICK_TO_COMPILE)
 
 
 def one_run(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``few_runs`` without a compiler: StableHLO's reference interpreter runs what JAX traces.
+    """Run a function once without a compiler: StableHLO's reference interpreter runs the operations that JAX traces.
 
-    For a large program of a few numbers that a test runs once: it is done in a tenth of the time in which XLA compiles
-    it. The results are numpy's. RuntimeError where LAPACK is called.
+    It is for a large program on few numbers: the interpreter takes a tenth of the time in which XLA would compile it.
+    The results are NumPy arrays. Raises RuntimeError where LAPACK is called.
     """
 
     def run(*arguments: Any) -> Any:

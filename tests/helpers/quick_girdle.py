@@ -1,8 +1,8 @@
-"""The command with fits that no solver made (tests/helpers/handmade.py): for what happens to its files, in a second.
+"""The command with fits made by hand (tests/helpers/handmade.py): tests of its output files then take a second.
 
-``python quick_girdle.py`` makes a process of its own of each command that ``started_runs`` asks for on stdin, without
-importing all anew. A run says "fitting", "writing" or "publishing" when it comes to the stage that it was told, and
-waits there to be killed; told "never" it runs through.
+``python quick_girdle.py`` forks a process for each command that ``started_runs`` asks for on stdin, so that no command
+imports everything anew. A run prints "fitting", "writing" or "publishing" when it reaches the stage it was given, and
+waits there to be killed; with "never" it runs to its end.
 """
 
 import json
@@ -25,11 +25,11 @@ from models import ParameterSet
 from motions import Motions
 
 WAIT_S = 60.0
-"""Longer than any test waits; a process left alone ends."""
+"""Longer than any test waits; a process that nobody ends stops by itself."""
 
 
 def quick_adaptations(motions: Motions, models: list[ParameterSet], *_: object, **__: object) -> Adaptations:
-    """In place of ``adapt_subjects``."""
+    """Replacement for ``adapt_subjects``."""
     return adaptations(motions, models)
 
 
@@ -60,7 +60,7 @@ def _main(at: str) -> None:
 
 
 def _run(at: str, arguments: list[str], out: str, err: str) -> int:
-    """Run the command with its words in two files, as a started process would; its exit status."""
+    """Run the command with its output in two files, as a started process would, and return its exit status."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for path, number in ((out, 1), (err, 2)):
         os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600), number)
@@ -80,7 +80,8 @@ def _run(at: str, arguments: list[str], out: str, err: str) -> int:
 
 
 def _serve() -> None:
-    """Answer each line of stdin: with the number of the process that it starts, or the status of one that ended."""
+    """Answer each line of stdin: a command with the number of the process that it starts, a process number with its
+    exit status."""
     for line in sys.stdin:
         told = json.loads(line)
         if isinstance(told, int):

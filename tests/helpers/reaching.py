@@ -1,4 +1,4 @@
-"""What a reader without a mouse, without sharp eyes or with paper meets in a report that is open in a browser."""
+"""Checks of a report in a browser for readers without a mouse, with poor sight, or on paper."""
 
 import io
 
@@ -9,16 +9,16 @@ from PIL import Image
 from playwright.sync_api import ViewportSize
 
 A4_INSIDE: ViewportSize = {"width": 703, "height": 1016}
-"""Of A4 less the margins of the page's style, 12 and 14 mm, in CSS pixels of 1/96 inch."""
+"""A4 less the margins of the page's style, 12 and 14 mm, in CSS pixels of 1/96 inch."""
 
 FINGER_PX = 44
-"""The target size of WCAG 2.1, success criterion 2.5.5."""
+"""Target size of WCAG 2.1, success criterion 2.5.5."""
 
 BESIDE = 10
-"""What Chromium itself stops at: the page's end, parts that scroll."""
+"""Number of further stops of the Tab key that Chromium adds: the end of the page, parts that scroll."""
 
 DARK = 64
-"""Of 255: darker than every bar and map."""
+"""Grey level (of 255) below which a pixel is dark: darker than every bar and map."""
 
 _REACH = """
 () => {
@@ -67,9 +67,10 @@ _SMALL = f"""
 
 
 def grave_faults(seen: Seen) -> list[str]:
-    """What axe-core calls serious or critical: contrast, names, order, parts that no key reaches, small targets.
+    """List the faults that axe-core calls serious or critical: contrast, names, order, parts out of reach of the
+    keyboard, small targets.
 
-    Not in the drawing of a chart: axe cannot tell what is behind a text there.
+    Drawings of charts are left out: axe cannot tell the background of a text there.
     """
     options = {"resultTypes": ["violations"], "rules": {"target-size": {"enabled": True}}}
     found = Axe().run(seen.page, context={"exclude": [[".main-svg"]]}, options=options).response["violations"]
@@ -78,7 +79,7 @@ def grave_faults(seen: Seen) -> list[str]:
 
 
 def contrast(one: str, other: str) -> float:
-    """The ratio of WCAG 2 of two colours written #rrggbb."""
+    """Compute the contrast ratio of WCAG 2 of two colours written #rrggbb."""
     dark, light = sorted(map(_luminance, (one, other)))
     return (light + 0.05) / (dark + 0.05)
 
@@ -94,9 +95,10 @@ def too_small_for_a_finger(seen: Seen) -> list[str]:
 
 
 def unreached_by_tab(seen: Seen, first: str) -> tuple[int, list[str], list[str]]:
-    """Go through the page by Tab from its first element.
+    """Move through the page by Tab from its first element.
 
-    How many elements there are to reach, those that were not, and those whose focus, explanation or picture was unseen.
+    Return the number of elements to reach, the elements that were not reached, and those whose focus, explanation or
+    toolbar was invisible.
     """
     page = seen.page
     count = page.evaluate(_REACH)
@@ -110,7 +112,7 @@ def unreached_by_tab(seen: Seen, first: str) -> tuple[int, list[str], list[str]]
 
 
 def on_paper(seen: Seen) -> tuple[dict, float]:
-    """What the page is like where a browser lays it out for A4, and the share of it that is dark."""
+    """Return the layout of the page on A4, and the share of dark pixels."""
     page = seen.page
     page.set_viewport_size(A4_INSIDE)
     page.emulate_media(media="print")

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def sphere_points(noise: float, seed: int = 0, cap: float = 1.0) -> np.ndarray:
-    """Points on a sphere of 18.5 mm, the phantom of the thesis; cap: how much of it, 1 for all."""
+    """Return points on a sphere of radius 18.5 mm, the thesis's phantom; ``cap``: part of the sphere, 1 for all."""
     rng = np.random.default_rng(seed)
     direction = rng.standard_normal((3, 200))
     direction /= np.linalg.norm(direction, axis=0)
@@ -14,7 +14,7 @@ def sphere_points(noise: float, seed: int = 0, cap: float = 1.0) -> np.ndarray:
 
 
 def cylinder_points(noise: float) -> np.ndarray:
-    """Points on a cylinder of the direction and radius of Table 4.4 (MRI)."""
+    """Return points on a cylinder with the direction and radius of Table 4.4 (MRI)."""
     rng = np.random.default_rng(2)
     axis = np.array([-0.09, 0.94, 0.32])
     axis /= np.linalg.norm(axis)

@@ -1,4 +1,4 @@
-"""Small simulated worlds for the diagnosis: few subjects, one parameter set, made once a process."""
+"""Small simulated worlds for the diagnosis: few subjects, one parameter set, made once per process."""
 
 from dataclasses import replace
 from functools import cache
@@ -16,7 +16,7 @@ from models.effects import EFFECTS
 from motions.table import ANGLES, Motions
 
 CANDIDATES = ("clavicle_frame_bias", "scapula_landmark_bias", "scapulothoracic_gap", "thorax_tilt")
-"""Few, so that their machine code is soon made."""
+"""Few candidates, so that their machine code compiles quickly."""
 
 HAVE_STRENGTHS = (
     "scapulothoracic_gap",
@@ -30,19 +30,19 @@ HAVE_STRENGTHS = (
     "clavicle_axial_estimate",
     "skin_artefact",
 )
-"""Effects of the reference worlds that have the library's form."""
+"""Effects of the reference worlds that the library can apply with the same strengths."""
 
 
 @cache
 def simulated(
     effect: str = "", subjects: int = 3, noise_deg: float = 0.3, seed: int = 7, size: float = 1.0
 ) -> Simulated:
-    """Simulate subjects with R2, with an active effect or none, so many times as large as it typically is."""
+    """Simulate subjects with R2, with no active effect or one of ``size`` times its typical size."""
     return simulate_model_subjects(load_model("R2"), EFFECTS.get(effect), subjects, noise_deg, seed, size)
 
 
 def every_frame(motions: Motions, times: int) -> Motions:
-    """Take every posture so many times, with noise of its own: a trial of which every frame is given."""
+    """Repeat every posture ``times`` times with separate noise, as in a trial with all its frames."""
     rows = np.repeat(np.arange(len(motions.posture)), times)
     noise_deg = 0.3 * np.random.default_rng(3).standard_normal((len(rows), len(ANGLES)))
     return replace(
@@ -59,18 +59,18 @@ def every_frame(motions: Motions, times: int) -> Motions:
 
 @cache
 def joint_fit(effect: str = "") -> JointFit:
-    """Lay out the joint fit of such a world with CANDIDATES."""
+    """Lay out the joint fit of such a world with ``CANDIDATES``."""
     shoulders, _ = usable(simulated(effect).motions)
     return search_of(load_model("R2"), shoulders, [EFFECTS[name] for name in CANDIDATES]).joint
 
 
 def root_of(given: Given) -> np.ndarray:
-    """Give L of the precision L L' of the amplitudes, every shoulder counted once."""
+    """Return L of the precision L L' of the amplitudes, with every shoulder counted once."""
     return given.amplitude_of(np.ones(len(given.rest)))[1]
 
 
 @cache
 def searched(effect: str = "") -> Search:
-    """Search such a world."""
+    """Search the causes of such a world."""
     joint = joint_fit(effect)
     return Search(joint, folds_of(joint.shoulders)).run()

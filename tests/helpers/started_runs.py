@@ -1,4 +1,4 @@
-"""Runs of the command in processes of their own, which are to be killed, interrupted or held (``quick_girdle``)."""
+"""Runs of the command in separate processes, which tests kill, interrupt or hold (``quick_girdle``)."""
 
 import json
 import os
@@ -13,7 +13,7 @@ QUICK_GIRDLE = Path(__file__).with_name("quick_girdle.py")
 
 
 class StartedRuns:
-    """One process that has imported the command and makes another of each run."""
+    """One process that has imported the command and forks another for each run."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -29,7 +29,7 @@ class StartedRuns:
         return int(self._process.stdout.readline())
 
     def close(self) -> None:
-        """End the process, which ends when nothing more can be asked."""
+        """End the process, which stops at the end of its stdin."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.close()
@@ -38,7 +38,7 @@ class StartedRuns:
 
 
 class StartedRun:
-    """A run that has come to a stage ("never": that has begun)."""
+    """A run that has reached a stage ("never": a run that has begun)."""
 
     def __init__(self, runs: StartedRuns, at: str, arguments: tuple[object, ...], folder: Path) -> None:
         self._runs, self._err = runs, folder / "err"
@@ -54,7 +54,7 @@ class StartedRun:
         os.kill(self._pid, number)
 
     def ended(self) -> Ended:
-        """Wait for its end."""
+        """Wait for the end of the run, and return its exit status and output."""
         with self._out:
             out = self._out.read()
         return Ended(self._runs.asked(self._pid), out, self._err.read_text())

@@ -50,10 +50,10 @@ TABLE_4_1 = np.array(
         [-32.3, -51.6, -48.2, 20.3, -33.4, -3.1, -5.1, -14.7, -9.2, -2.7, -2.4, 0.0],
     ]
 )
-"""In the order of Table 4.2."""
+"""Table 4.1; rows and columns in the order of Table 4.2."""
 
 MISPRINTED = {("AC", "T8"), ("EM", "TS")}
-"""Entries of Table 4.1 that the coordinates of Table 4.2 do not give."""
+"""Entries of Table 4.1 that differ from the coordinates of Table 4.2."""
 
 TABLE_5_1 = np.array(
     [
@@ -85,7 +85,7 @@ TABLE_4_7 = {
 """MD, its SD, MinD, MaxD."""
 
 LINES_OF_DISSECTION = dict(zip(TABLE_4_7, (4, 3, 6, 11, 11, 4), strict=True))
-"""Parts that the same cadaver's muscles were divided into, each measured as one point: the lines of DAS3."""
+"""Number of parts of the same cadaver's muscles, each measured as one point: the lines of DAS3."""
 
 TABLE_4_8 = {"Teres Major": (101.1, 96.4), "Teres Minor": (34.4, 29.8), "Infraspinatus": (112.1, 113.0)}
 """Volume from MRI and by weighing, cm3."""
@@ -95,4 +95,4 @@ MASSES_KG = {
     "Teres Minor": (0.00714, 0.01221, 0.01041),
     "Infraspinatus": (0.01961, 0.02245, 0.01488, 0.01631, 0.02414, 0.01564),
 }
-"""Of the lines of the same cadaver: das3.osim (repository dasproject/DAS3), muscle masses of its metabolic probe."""
+"""Masses of the lines of the same cadaver, from the metabolic probe of das3.osim (repository dasproject/DAS3)."""

@@ -1,4 +1,4 @@
-"""Work that waits to be ended: as a program, the processes of a large run say that they work, and go on so."""
+"""Work that waits to be ended. Run as a program, the processes of a large run say that they work, and continue."""
 
 import time
 
@@ -8,11 +8,11 @@ from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
 
 WAIT_S = 60.0
-"""Longer than any test waits; a process left alone ends."""
+"""Longer than any test waits; a process that nobody ends stops by itself."""
 
 
 class WaitingWork(Work):
-    """Says that it works, and does for long."""
+    """Work that says that it works, and then takes long."""
 
     def part(self, motions: Motions) -> bytes:
         print("working", flush=True)

@@ -1,8 +1,8 @@
-"""OpenSim's own path round a surface, in a process of its own (see in_opensim.py).
+"""Paths round a surface by OpenSim, in a process of its own (see in_opensim.py).
 
 ``python wrapped_in_opensim.py PROBLEMS.json`` prints the lengths in m of paths from p to q round a surface with centre
-0: JSON lists of [p, q, size], in m; size: three semi-axes of an ellipsoid, one radius of a sphere, or radius and length
-of a cylinder along z.
+0. PROBLEMS.json is a list of [p, q, size], in m; size: three semi-axes of an ellipsoid, one radius of a sphere, or
+radius and length of a cylinder along z.
 """
 
 import json

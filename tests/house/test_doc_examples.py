@@ -1,4 +1,4 @@
-"""What the documents tell a reader to type: Python that runs, commands whose options exist."""
+"""Examples in the documents: the Python code runs, and the commands have the options that exist."""
 
 import ast
 import builtins
@@ -24,11 +24,11 @@ GIRDLE_OPTIONS = {option for parameter in GIRDLE.params for option in parameter.
 TARGETS = set(re.findall(r"^([\w./]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 SHELL = ("", "sh", "bash")
-"""Blocks whose lines a reader types into a terminal."""
+"""Kinds of blocks whose lines a reader types into a terminal."""
 
 PYTHON, SLOW = "python", "python slow"
-"""Blocks of a page are one session. Slow ones, that compile or take seconds, are not run: their calls are held against
-the functions."""
+"""Kinds of Python blocks; those of a page form one session. Slow ones, which compile or take seconds, are not run:
+their calls are checked against the functions' signatures."""
 
 INLINE = re.compile(r"`((?:girdle|make) [^`]+)`")
 
@@ -38,19 +38,19 @@ def lines_to_type(document: Path) -> Iterator[list[str]]:
     for kind, code in FENCE.findall(document.read_text(encoding="utf-8")):
         if kind in SHELL:
             for line in code.replace("\\\n", " ").splitlines():
-                with contextlib.suppress(ValueError):  # an apostrophe: prose or output, not a command
+                with contextlib.suppress(ValueError):  # an apostrophe marks prose or output, not a command
                     yield shlex.split(line, comments=True)
 
 
 def arguments_of_girdle(words: list[str]) -> list[str] | None:
-    """Return what follows the name of the command line, None if the line does not call it."""
+    """Return the arguments of a call of the command line, None if the line is no such call."""
     called = [place for place, word in enumerate(words) if Path(word).name == "girdle"]
     before = words[: called[0]] if called else []
     return words[called[0] + 1 :] if called and all(word == "time" or "=" in word for word in before) else None
 
 
 def refusal(arguments: list[str]) -> str | None:
-    """Return why the command line does not take these arguments; it reads them and runs nothing."""
+    """Return why the command line refuses these arguments; parses them without running anything."""
     name, *rest = arguments
     if name in GIRDLE_OPTIONS:
         return None
@@ -58,7 +58,7 @@ def refusal(arguments: list[str]) -> str | None:
         return f"there is no girdle {name}"
     try:
         GIRDLE.commands[name].make_context(name, rest)
-    except Exception as error:  # what typer raises for an argument has no public base
+    except Exception as error:  # typer's errors for arguments have no public base class
         return f"girdle {shlex.join(arguments)}: {error}"
     return None
 
@@ -96,7 +96,7 @@ def test_make_has_every_target(document):
 
 @pytest.fixture
 def files_of_examples(tmp_path, monkeypatch) -> None:
-    """The files that examples read, in the folder where they run: two shipped simulated subjects and a trial."""
+    """Put the files that examples read into the working folder: two shipped simulated subjects and a trial."""
     header, *rows = (ROOT / "motions" / "data" / "simulated_subjects.csv").read_text(encoding="utf-8").splitlines()
     chosen = [row for row in rows if row.startswith(("simulated01,", "simulated02,"))]
     (tmp_path / "mysubjects.csv").write_text("\n".join([header, *chosen]) + "\n", encoding="utf-8")
@@ -111,7 +111,7 @@ def blocks(document: Path) -> list[tuple[str, str]]:
 
 
 def check_calls(code: str, names: dict[str, object]) -> None:
-    """Hold the arguments of every call of a named function against its signature."""
+    """Check the arguments of every call of a named function against its signature."""
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             function = (vars(builtins) | names)[node.func.id]

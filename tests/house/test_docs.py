@@ -19,20 +19,20 @@ PATH = re.compile(r"(?<![\w./-])(?:adapt|docs|models|motions|scripts|tests)/[\w.
 """A path from the root; ``*`` stands for anything."""
 
 MODULE = re.compile(r"`((?:adapt|models|motions|scripts)(?:\.(?!csv`)\w+)+)`")
-"""A dotted name in backticks: a module, or what it holds."""
+"""A dotted name in backticks: a module, or one of its members."""
 
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
 def anchors(document: Path) -> set[str]:
-    """What a link may name after #: each heading in lower case, without punctuation, blanks as hyphens."""
+    """Return the anchors of a page: each heading in lower case, without punctuation, blanks as hyphens."""
     text = FENCE.sub("", document.read_text(encoding="utf-8"))
     headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def resolved(name: str) -> object:
-    """The module of this name, or what a module of its beginning holds."""
+    """Import the module of this name, or get the member of a module."""
     parts = name.split(".")
     for length in range(len(parts), 0, -1):
         folder = ROOT.joinpath(*parts[:length])

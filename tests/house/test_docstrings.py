@@ -11,7 +11,7 @@ from scripts.rooms import source_files
 PROPERTIES = {"property", "cached_property"}
 
 MIRRORED = {"function_builder.py"}
-"""Its methods are numpy's functions under numpy's names."""
+"""Files whose methods are numpy's functions under numpy's names."""
 
 NO_VERBS = {
     "A",
@@ -51,7 +51,7 @@ NO_VERBS = {
     "Who",
     "With",
 }
-"""How a sentence begins that says what something is, not what a function does."""
+"""First words of sentences that say what something is, instead of what a function does."""
 
 
 def is_property(function: ast.FunctionDef) -> bool:

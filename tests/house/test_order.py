@@ -1,4 +1,4 @@
-"""Nothing goes by the order of a set: it is another one in every process, and so are the last digits of a sum."""
+"""No code iterates over a set: the order differs between processes, and with it the rounding of sums."""
 
 import ast
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ _MAKE_SETS = {"set", "frozenset", "difference", "intersection", "symmetric_diffe
 
 
 def is_set(node: ast.expr) -> bool:
-    """Tell whether an expression can be seen to be a set."""
+    """Check whether an expression is visibly a set."""
     match node:
         case ast.Set() | ast.SetComp():
             return True
@@ -21,7 +21,7 @@ def is_set(node: ast.expr) -> bool:
 
 
 def loops_over_sets(source: str) -> Iterator[int]:
-    """Give the lines of loops and comprehensions that go through a set; one that makes a set again has no order."""
+    """Yield the lines of loops and comprehensions over a set, except those that make a set again."""
     for node in ast.walk(ast.parse(source)):
         match node:
             case ast.For(iter=gone_through):

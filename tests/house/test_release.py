@@ -1,4 +1,4 @@
-"""What a release needs agrees with pyproject.toml: the citation, the licences, the conda recipe, the changelog."""
+"""Release files agree with pyproject.toml: the citation, the licences, the conda recipe, the changelog."""
 
 import re
 import tomllib
@@ -16,21 +16,21 @@ PROJECT = PYPROJECT["project"]
 PAGE = (ROOT / "docs" / "release.md").read_text()
 
 CONDA_NAMES = {"matplotlib": "matplotlib-base"}
-"""Packages that conda calls by another name; that of matplotlib leaves its windows out."""
+"""Packages with another name in conda; ``matplotlib`` there includes window toolkits, ``matplotlib-base`` does not."""
 
 REQUIRED_OF_CITATION = {"cff-version", "message", "title", "authors"}
-"""By the Citation File Format 1.2.0."""
+"""Required keys of the Citation File Format 1.2.0."""
 
 
 def run_time() -> list[Requirement]:
-    """Every package that a user may need: the dependencies and those of the extras but `dev`, `docs` and `peers`."""
+    """List the packages that a user may need: dependencies and extras, except `dev`, `docs` and `peers`."""
     extras = PROJECT["optional-dependencies"]
     of_extras = [one for name, packages in extras.items() if name not in ("dev", "docs", "peers") for one in packages]
     return [Requirement(one) for one in (*PROJECT["dependencies"], *of_extras)]
 
 
 def rows(heading: str) -> dict[str, list[str]]:
-    """The rows of the table with this first heading, by their first cell."""
+    """Return the rows of the table with this first heading, by their first cell."""
     table = PAGE[PAGE.index(f"| {heading} |") :].partition("\n\n")[0].splitlines()[2:]
     cells = ([cell.strip() for cell in line.strip("|").split("|")] for line in table)
     return {first.strip("`"): rest for first, *rest in cells}
@@ -57,7 +57,7 @@ def test_every_package_has_its_licence():
 
 
 def brought_along() -> dict[str, str]:
-    """The licence of every package that is there because another one needs it."""
+    """Return the licence of every package that is installed because another one needs it."""
     table = rows("licence of what is brought along")
     return {name.split()[0]: licence for licence, (names,) in table.items() for name in names.split(", ")}
 
@@ -69,7 +69,7 @@ def test_everything_that_is_installed_has_its_licence():
 
 @pytest.mark.parametrize("package", sorted({*rows("package"), *brought_along()} - {"colorama"}))
 def test_the_licence_is_the_one_that_the_package_states(package):
-    """Where it states one as an SPDX expression; older metadata have words, or a file."""
+    """Checked where the package states an SPDX expression; older metadata have words, or a file."""
     stated = metadata(package).get_all("License-Expression")
     if not stated:
         pytest.skip(f"{package} states no SPDX expression")
@@ -93,7 +93,7 @@ OF_DAS3 = ("models/muscles/delft_lines.toml", "models/sets/das3.toml", "docs/rel
 
 @pytest.mark.parametrize("file", OF_DAS3)
 def test_where_numbers_of_das3_stand_their_licence_is_said(file):
-    """No licence is known: no Apache licence was found, and no file of one. In the head of a file of numbers."""
+    """No licence of DAS3 is known, and no Apache licence was found. Files of numbers state this in their head."""
     said = " ".join((ROOT / file).read_text().partition('name = "')[0].replace("#", "").replace("`", "").split())
     assert "dasproject/DAS3 has no licence file" in said
     assert "reserves all rights" in said or "all rights reserved" in said
@@ -104,7 +104,7 @@ def recipe() -> dict:
 
 
 def as_pairs(lines: list[str]) -> dict[str, SpecifierSet]:
-    """Names and versions of a recipe's ``name >=1,<2``."""
+    """Return names and versions of a recipe's ``name >=1,<2`` lines."""
     return {name: SpecifierSet(asked) for name, _, asked in (line.partition(" ") for line in lines)}
 
 

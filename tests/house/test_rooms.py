@@ -1,4 +1,4 @@
-"""Data flows one way through the rooms, every folder can be taken in at a glance, and a file's name says what it is."""
+"""Imports go in one direction between rooms, folders stay small, and file names say what the files contain."""
 
 import graphlib
 from functools import cache
@@ -11,7 +11,7 @@ from scripts import draw_rooms, rooms
 FILES = rooms.source_files()
 
 MOST_ENTRIES = 12
-"""Of a folder: what a reader takes in at once."""
+"""Limit for the entries of a folder: as many as a reader takes in at once."""
 
 NOT_COUNTED = {"__init__.py", "__main__.py", "__pycache__", "py.typed"}
 DATA_FOLDERS = {"motions/data", "models/sets"}
@@ -24,7 +24,7 @@ SAME_BASENAME = {
     "rows": "motions/motion_csv/rows.py reads them from a file, solvers/rows.py lays them out as arrays",
     "held_out": "evaluation/held_out.py measures the gaps, tables/held_out.py is their table",
 }
-"""Basenames that several modules may have, and why."""
+"""Basenames that several modules may have, with the reason."""
 
 ONLY_IN = {
     "distributed": ("adapt.output",),
@@ -41,11 +41,11 @@ ONLY_IN = {
     "typer": ("adapt.cli",),
     "vtkmodules": ("models",),
 }
-"""Packages of others that only these rooms import: a web page does not print, a solver does not draw. matplotlib makes
-figures of results and the window of `girdle contour`."""
+"""Other packages, and the only rooms that import them: a web page does not print, a solver does not draw. matplotlib
+draws figures of results and the window of `girdle contour`."""
 
 WITHOUT_PANDAS = ("models", "adapt.engine", "adapt.solvers", "adapt.own_bones", "adapt.diagnosis")
-"""Typed arrays inside, tables at the edge."""
+"""Rooms that use typed arrays instead of pandas tables."""
 
 NEVER_AT_RUN_TIME = ("casadi", "hypothesis", "jaxopt", "opensim", "pytest", "scripts", "tests")
 
@@ -102,7 +102,7 @@ def test_no_module_imports_itself_by_way_of_others():
     for one in imports():
         if one.imported in FILES and one.imported != one.importer:
             graph[one.importer].add(one.imported)
-    graphlib.TopologicalSorter(graph).prepare()  # raises CycleError, which names the circle
+    graphlib.TopologicalSorter(graph).prepare()  # raises CycleError, which names the cycle
 
 
 @pytest.mark.parametrize("package", ONLY_IN)
@@ -151,7 +151,7 @@ SOURCES = {
     "adapt/solvers/__init__.py": "from . import fit",
     "adapt/solvers/fit.py": "from .. import api\nfrom adapt.solvers import status",
 }
-"""A project with an import inside a function, relative ones, a submodule, and a name that is no module."""
+"""A project with an import inside a function, relative imports, a submodule, and a name that is no module."""
 
 
 def test_imports_are_read_from_the_source(tmp_path):

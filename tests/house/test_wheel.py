@@ -1,4 +1,4 @@
-"""The sdist and the wheel made of it: installed where nothing of the project is, and run outside the repository."""
+"""The sdist and the wheel built from it, installed in a clean environment and run outside the repository."""
 
 import os
 import subprocess
@@ -15,13 +15,13 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("adapt", "models", "motions")
 
 NEEDED = ("motions/data/simulated_subjects.csv", "models/sets/R2.toml", "adapt/report/templates/report.html")
-"""Files that are not Python, one of each kind."""
+"""Files other than Python, one of each kind."""
 
 WHERE = f"import {', '.join(PACKAGES)}; print(*(package.__file__ for package in ({', '.join(PACKAGES)})), sep='\\n')"
 
 
 def run(*command: object, cwd: Path) -> str:
-    """What a command prints, in a folder, without the search path of the tests."""
+    """Return the output of a command, run in a folder without the import path of the tests."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     ended = subprocess.run([*map(str, command)], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
@@ -30,9 +30,9 @@ def run(*command: object, cwd: Path) -> str:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> Path:
-    """A new environment with the wheel made of the sdist, and with the tests' own libraries instead of copies.
+    """Install the wheel built from the sdist in a new environment that shares the tests' own libraries.
 
-    They come by a ``.pth`` file, whose folder is only searched: an editable install there is not followed.
+    A ``.pth`` file adds their folder to the import path, so that an editable install in it is not followed.
     """
     folder = tmp_path_factory.mktemp("wheel")
     run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, cwd=ROOT)

@@ -8,10 +8,10 @@ from scripts import words
 from scripts.rooms import ROOT
 
 MOST_LINES_OF_CHANGELOG = 60
-"""Of a version that is not released."""
+"""Limit for the changelog of a version that is not released."""
 
 MOST_CELLS = 4
-"""A table of the README: what a phone shows."""
+"""Limit for the columns of the README's tables: as many as a phone shows."""
 
 
 def test_user_pages_are_a_few_hours_of_reading():
@@ -36,7 +36,7 @@ def test_a_wrong_word_is_noticed(tmp_path, monkeypatch, line):
 
 
 def test_short_words_in_short_sentences_read_more_easily():
-    """5 words, 5 syllables in one sentence: 206.835 - 1.015 * 5 - 84.6."""
+    """A sentence with 5 words and 5 syllables: 206.835 - 1.015 * 5 - 84.6."""
     assert words.reading_ease("The dog sat on it. ") == pytest.approx(206.835 - 1.015 * 5 - 84.6)
     assert words.reading_ease("Identifiability necessitates regularisation, considering ellipsoids. ") < 0.0
 
@@ -53,7 +53,7 @@ def test_tables_of_the_readme_are_narrow():
 
 
 def test_every_term_has_a_sentence():
-    """One row a term in docs/glossary.md: term, meaning, symbol and unit, source."""
+    """Each row of docs/glossary.md has term, meaning, symbol and unit, source."""
     text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
     rows = [row.split("|")[1:-1] for row in text.splitlines() if re.match(r"\| (?!term )", row)]
     assert len(rows) >= 30

@@ -22,38 +22,38 @@ from motions.rotations import DEG
 
 MODEL = load_model("R2")
 EFFECT = EFFECTS["thorax_extension"]
-"""It turns what was measured; those that change the girdle go the same way."""
+"""Effect that turns the measured frames; effects that change the girdle take the same path through the code."""
 
 NOTHING = {EFFECT.name: (0.0, 0.0, 0.0)}
 
 SAME_DEG = 1e-6
-"""Fits by hand-made and by automatic derivatives end within 1e-9 rad of each other."""
+"""Tolerance in degrees: fits by hand-written and by automatic derivatives end within 1e-9 rad of each other."""
 
 SAME_MM = 1e-6
-"""Adaptations, whose ellipsoid has a flat direction, do so to 1e-9 mm."""
+"""Tolerance for adaptations: they end within 1e-9 mm of each other, in the ellipsoid's flat direction too."""
 
 OPTION_DIGITS = 5e-4
-"""Four digits."""
+"""Relative rounding of options, which have four digits."""
 
 CLOSED_MM = 1e-6
-"""A chain is fitted closed."""
+"""Constraint tolerance of a fitted chain."""
 
 
 def simulated(noise_deg: float, spread: float) -> tuple[Motions, dict[str, tuple[float, ...]]]:
-    """One subject with the effect, and its amplitudes: the first term of each of three directions."""
+    """Simulate one subject with the effect; return the amplitudes too: the first term of each of three directions."""
     made = simulate_model_subjects(MODEL, EFFECT, 1, noise_deg, seed=5, spread=spread)
     return made.motions, {EFFECT.name: tuple(float(made.truth[f"amplitude_{k + 1}"].iloc[0]) for k in (0, 3, 6))}
 
 
 @pytest.fixture(scope="module")
 def plain() -> tuple[Motions, dict[str, tuple[float, ...]]]:
-    """No noise, and the girdle is the model's own."""
+    """Subject without noise whose girdle is that of the set."""
     return simulated(0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
 def noisy() -> tuple[Motions, dict[str, tuple[float, ...]], Adaptations]:
-    """Noise, a girdle of the subject's own, and its adaptation with the effect."""
+    """Subject with noise and an individual girdle, and the adaptation with the effect."""
     motions, effects = simulated(1.5, 0.5)
     return motions, effects, adapt_subjects(motions, MODEL, held_out=(), effects=effects)
 
@@ -94,7 +94,7 @@ def test_it_is_iterated_in_float64_whatever_is_asked_for(noisy):
 
 
 def over(*elevation_deg: float) -> Motions:
-    """Postures with these elevations of the arm."""
+    """Return postures with these elevations of the arm."""
     some = simulate_subjects(1, seed=4).select(np.arange(14) < len(elevation_deg))
     return replace(some, humerus_elevation_deg=np.array(elevation_deg))
 
@@ -217,7 +217,7 @@ def test_a_down_weighting_that_cannot_be_is_named(noisy, k):
 
 
 def test_the_command_line_down_weights_thorax_points_by_its_option_or_as_an_effect(noisy, tmp_path):
-    """``--effect thorax_points=30`` is what diagnosis.json says; a posture fit has no thorax points to weigh."""
+    """Check the option against ``--effect thorax_points=30``, as in diagnosis.json; a posture fit ignores both."""
     motions, _, _ = noisy
     file, outs = tmp_path / "motions.csv", [tmp_path / name for name in ("option", "effect", "again")]
     write_motions(motions, file)
@@ -317,7 +317,7 @@ def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, c
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_an_option_is_read_as_it_was_written(effect):
-    """All terms, exactly as they were rounded, to four digits; and so it acts."""
+    """Check that options keep all terms exactly as rounded, to four digits, and that the effect acts with them."""
     motions = over(0.0, 60.0, 120.0)
     _, prior_sd = effect.amplitude_prior(motions)
     amplitude = prior_sd * np.linspace(-1.0, 1.234567, effect.amplitudes)
@@ -335,12 +335,12 @@ def test_an_option_is_read_as_it_was_written(effect):
 
 
 SIMULATED = ("thorax_extension", "skin_artefact", "conoid_strain:posture")
-"""Of each kind of course one: each takes a compilation."""
+"""One effect of each kind of basis, because each takes a compilation."""
 
 
 @pytest.mark.parametrize("name", ["none", *SIMULATED])
 def test_subjects_are_simulated_with_an_effect_at_its_typical_size(name):
-    """Their own parameters and amplitudes close the chain at the motions that they have, without noise."""
+    """Check that each subject's true parameters and amplitudes close the chain at its motions, without noise."""
     effect = EFFECTS.get(name)
     made = simulate_model_subjects(MODEL, effect, 2, 0.0, seed=5)
     motions, truth = made.motions, made.truth
@@ -364,6 +364,6 @@ def test_subjects_are_simulated_with_an_effect_at_its_typical_size(name):
         girdle = MODEL.girdle.with_adapted(truth.filter(regex="_mm$").to_numpy()[k])
         acting = ActiveEffects((effect.strengths(amplitudes[k], one),), (effect,))
         if effect.name == "skin_artefact":
-            continue  # its direction is read from motions: from those wished for, the skin lags by a hair otherwise
+            continue  # its direction depends on the motions, and is slightly different for those before the simulation
         residuals = acting.on(girdle.over_axes(1)).residuals_mm(one.angles_deg.T / DEG)
         np.testing.assert_allclose(residuals, 0.0, atol=CLOSED_MM)

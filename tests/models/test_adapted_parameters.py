@@ -1,4 +1,4 @@
-"""The list of adapted parameters: what it says, and that a seventh is a change of that file alone."""
+"""The list of adapted parameters: its values, and a seventh parameter that changes only this file."""
 
 import json
 import os
@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 AFTER = '    AdaptedParameter("M_z", _CENTRE, 2, 30.0, 0.0, 6.0, 5.0),\n'
 
 SEVENTH = '    AdaptedParameter("M_x", _CENTRE, 0, 20.0, 0.0, 5.0),\n'
-"""A thorax beside the midline, which A4 of the thesis forbids."""
+"""A thorax beside the midline, which A4 of the thesis excludes."""
 
 PROGRAM = """
 import json
@@ -72,11 +72,12 @@ print(json.dumps({
 """
 
 NO_RISE = -1e-9
-"""E at the optimum less E a tenth of a millimetre off it: not more than the rounding of E."""
+"""Smallest rise of E a tenth of a millimetre off the optimum: rounding may make it negative."""
 
 
 def test_a_seventh_parameter_is_a_change_of_one_file(tmp_path):
-    """M_x is adapted too: E rises in all seven directions, is lower than with six, and every table has its columns."""
+    """Check an adaptation of M_x too: E rises in all seven directions, is lower than with six parameters, and every
+    table has the columns of M_x."""
     for package in ("adapt", "models", "motions"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
     file = tmp_path / "models" / "adapted_parameters.py"
@@ -112,7 +113,7 @@ def test_theta_goes_into_a_girdle_and_out_again():
 
 @pytest.mark.parametrize("parameter", ADAPTED_PARAMETERS, ids=lambda one: one.name)
 def test_the_widths_of_a_parameter_are_in_order(parameter):
-    """An adaptation may go further than people differ."""
+    """Check the order of the widths: an adaptation may go further than people differ."""
     assert 0.0 < parameter.person_sd_mm < parameter.half_width_mm
     assert 0.0 <= parameter.start_offset_mm < parameter.half_width_mm
 

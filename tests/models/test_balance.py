@@ -1,4 +1,4 @@
-"""The moment balance: its conditions of optimality, a case by hand, another solver, and what has no solution."""
+"""The moment balance: conditions of optimality, a case by hand, another solver, and problems without a solution."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ MIRRORED = ("centre_mm", "sc_mm", "ac_mm", "clavicle_conoid_mm", "scapula_conoid
 """Points of a girdle; its other numbers are lengths."""
 
 OPTIMAL = 1e-9
-"""Moments are of order 1e4 Nmm, shares of 0.1; the solver works to rounding."""
+"""Tolerance for shares: moments are of order 1e4 Nmm, shares of 0.1, and the solver works to rounding."""
 
 
 @pytest.fixture(scope="module")
@@ -57,13 +57,13 @@ def solved():
 
 
 def held(count: int) -> np.ndarray:
-    """Arms in the plane of the scapula, ever higher: p, e, q."""
+    """Return angles p, e, q of arms in the plane of the scapula, with rising elevation."""
     elevation = np.linspace(0.0, 60.0, count)
     return np.stack([np.full(count, 30.0), elevation, np.full(count, -30.0)]) / DEG
 
 
 def moments(lines, girdle, q, arm, found, contact):
-    """A, C, w, K and k written again, by hand: of the arm about GH, scapula and arm about AC, all about SC."""
+    """Compute A, C, w, K and k anew: moments of the arm about GH, of scapula and arm about AC, of all about SC."""
     A = np.concatenate([found.about_gh_mm, found.about_ac_mm, found.about_sc_mm])
     A = A * lines.strongest_force_N[None, :, None]
     C = np.concatenate([np.zeros_like(contact.about_ac_mm), contact.about_ac_mm, contact.about_sc_mm])
@@ -108,11 +108,11 @@ def test_the_force_in_gh_is_within_the_rim_and_on_it_where_the_rim_holds_it(solv
 
 
 def test_the_force_in_gh_is_what_muscles_and_weights_leave(solved):
-    """Forces on the humerus, from the other ends of the lines: of straight lines along them, added up by hand."""
+    """Check GH's force by adding up the forces on the humerus along the other ends of the lines."""
     lines, girdle, q, arm, _, _, forces = solved
     points = line_points_mm(lines, girdle, q, 201, arm)
     first = points[1] - points[0]
-    first = np.where(np.linalg.norm(first, axis=0) > 0.0, first, points[2] - points[1])  # it begins round
+    first = np.where(np.linalg.norm(first, axis=0) > 0.0, first, points[2] - points[1])  # some lines begin on a contour
     first /= np.linalg.norm(first, axis=0)
     reaching = lines.end == HUMERUS
     pressed = -np.einsum("xlp,lp->xp", first[:, reaching], forces.force_N[reaching])
@@ -121,7 +121,7 @@ def test_the_force_in_gh_is_what_muscles_and_weights_leave(solved):
 
 
 def test_the_rim_is_the_published_ellipse():
-    """A force toward a corner is on the rim; the axes are a right-handed frame that looks from GH into the glenoid."""
+    """Check that a force toward a corner is on the rim; the frame is right-handed, with x from GH into the glenoid."""
     document, upright = published_lines(), np.eye(3)[..., None]
     axes, angles = glenoid_axes(document), half_angles(document)
     np.testing.assert_allclose(np.degrees(angles), [44.37, 38.55])
@@ -152,7 +152,7 @@ def test_a_load_in_the_hand_is_held_where_the_hand_is(solved):
 
 
 def test_another_solver_finds_no_less_stress(solved):
-    """SciPy's SLSQP on the same problem, from the same shares for all and from the solution's contact forces."""
+    """Check against SciPy's SLSQP on the same problem, started at 0.1 for all shares and contact forces (N)."""
     lines, girdle, q, arm, found, contact, forces = solved
     A, C, w, K, k = (part[..., 0] for part in moments(lines, girdle, q, arm, found, contact))
     n = A.shape[1]
@@ -183,7 +183,7 @@ def test_another_solver_finds_no_less_stress(solved):
 
 
 def test_many_random_problems_are_solved_or_proved_to_have_no_solution():
-    """Whether there is a solution, as linear programming says (HiGHS); and the conditions of optimality if there is."""
+    """Check solvability against linear programming (HiGHS), and the conditions of optimality of solutions."""
     generator = np.random.default_rng(3)
     solved = 0
     for _ in range(300):
@@ -220,9 +220,9 @@ def test_many_random_problems_are_solved_or_proved_to_have_no_solution():
 
 
 def test_contact_forces_are_the_multipliers_of_the_constraints(solved):
-    """Virtual work in the six angles, the arm keeping its orientation.
+    """Check by virtual work in the six angles, with a constant orientation of the arm.
 
-    The multipliers of A1-A3 are the forces of TS and AI, and minus the conoid's.
+    The multipliers of A1-A3 are the forces of TS and AI, and minus the conoid's force.
     """
     lines, girdle, q, arm, found, _, forces = solved
     by_angle = arms_by_angle_mm(lines, found, girdle, q, arm)
@@ -241,9 +241,10 @@ def test_contact_forces_are_the_multipliers_of_the_constraints(solved):
 
 
 def test_a_left_girdle_has_the_mirrored_arms(solved):
-    """Points mirrored in x = 0, angles Y and Z reversed: moments, which are axial vectors, keep x and turn y and z.
+    """Check points mirrored in x = 0 and angles Y and Z reversed: moments, which are axial vectors, keep x and reverse
+    y and z.
 
-    Of the girdle alone: contours of the humerus and the glenoid are a right one's.
+    The check is of the girdle alone: contours of humerus and glenoid are those of a right shoulder.
     """
     lines, girdle, q, _, found, contact, _ = solved
     mirror = np.array([-1.0, 1.0, 1.0])
@@ -283,7 +284,7 @@ def test_two_muscles_share_a_moment_by_their_arms():
 
 
 def test_an_antagonist_stays_slack_unless_contact_needs_it():
-    """A muscle of the wrong sign is at rest; where a contact force would have to pull, a muscle has to press it on."""
+    """Check that an antagonist is slack; where a contact would have to pull, a muscle must press it on."""
     A = np.zeros((6, 2))
     A[0] = [1.0, -1.0]
     C = np.vstack([np.zeros((3, 3)), np.eye(3)])
@@ -299,7 +300,7 @@ def test_an_antagonist_stays_slack_unless_contact_needs_it():
 
 
 def test_a_rim_makes_a_second_muscle_press():
-    """min x1^2 + x2^2 with 2 x1 = 4, and a pull of x1 beyond the rim that x2 takes back: x2 >= x1 / 2."""
+    """min x1^2 + x2^2 with 2 x1 = 4, where x1 pulls beyond the rim and x2 compensates: x2 >= x1 / 2."""
     A, C = np.zeros((6, 2)), np.vstack([np.zeros((3, 3)), np.eye(3)])
     A[0] = [2.0, 0.0]
     w, K = np.array([-4.0, 0, 0, 0, 0, 0]), np.array([[-0.5, 1.0]])
@@ -322,7 +323,7 @@ def test_what_cannot_be_balanced_is_named():
 
     assert status(1.0, 0.0, 0.0, 0.0) == NO_SOLUTION  # the muscle would have to push
     assert status(-1.0, 0.0, 0.0, 1.0) == NO_SOLUTION  # a contact would have to pull
-    assert status(-1.0, 1.0, 0.0, 0.0) == NO_SOLUTION  # nothing turns that way
+    assert status(-1.0, 1.0, 0.0, 0.0) == NO_SOLUTION  # no force acts about that axis
     assert status(np.nan, 0.0, 0.0, 0.0) == INVALID
 
 

@@ -1,4 +1,4 @@
-"""The derivatives written by hand against automatic differentiation of the definitions."""
+"""Derivatives written by hand, against automatic differentiation of the definitions."""
 
 from dataclasses import replace
 
@@ -24,15 +24,15 @@ from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
 EXACT = 1e-10
-"""Relative to the largest entry: both are exact up to the rounding of some hundred operations."""
+"""Tolerance relative to the largest entry: both are exact up to the rounding of some hundred operations."""
 
 SETTLED = 4
-"""Evaluations after which the foot of a point rests: three Newton steps each, quadratic."""
+"""Number of evaluations until a foot point has converged: three Newton steps each, quadratic."""
 
 MULTIPLIERS = jnp.array([0.5, -0.7, 1.3])
 
 POINTS = jnp.array([[80.0, 150.0, -60.0], [40.0, -120.0, 300.0], [-110.0, 90.0, 100.0]]).T
-"""Outside, and two inside, of the ellipsoid below; no two coordinates alike."""
+"""One point outside and two inside the ellipsoid below; all coordinates differ."""
 
 CENTRE, AXES = jnp.array([2.0, -3.0, 5.0]), jnp.array([140.0, 320.0, 120.0])
 
@@ -43,7 +43,7 @@ def assert_same(found, expected) -> None:
 
 
 def lower(rows, size: int) -> np.ndarray:
-    """The symmetric matrix of a lower triangle, which has no other entries."""
+    """Return the symmetric matrix of a lower triangle."""
     full = np.zeros((size, size))
     for i, row in enumerate(rows):
         full[i, : i + 1] = full[: i + 1, i] = np.asarray(row)
@@ -57,7 +57,7 @@ def _distance(ellipsoid, point):
 
 @few_runs
 def distance_differentiated(*at):
-    """The distance of a point, its slope and its curvature."""
+    """Compute the distance of a point, its gradient and its Hessian."""
     return _distance(*at), jax.grad(_distance)(*at), jax.hessian(_distance)(*at)
 
 
@@ -78,7 +78,7 @@ def test_distance_with_slopes_and_curvatures(k):
 
 
 def settled(girdle, q, theta) -> ConstraintDerivatives:
-    """The constraints at feet that have come to rest."""
+    """Compute the constraints at converged foot points."""
     start = [jnp.zeros(())] * 2
     for _ in range(SETTLED):
         start = chain(girdle, list(q), list(theta), list(MULTIPLIERS), start).closest_point_multipliers
@@ -91,7 +91,7 @@ def _residuals(z, girdle):
 
 @few_runs
 def chain_differentiated(*at):
-    """The constraints, their slopes, and the curvature of their sum with MULTIPLIERS."""
+    """Compute the constraints, their Jacobian, and the Hessian of their sum with ``MULTIPLIERS``."""
     return _residuals(*at), jax.jacfwd(_residuals)(*at), jax.hessian(lambda *at: MULTIPLIERS @ _residuals(*at))(*at)
 
 
@@ -115,7 +115,7 @@ def test_chain_with_slopes_and_curvatures(name):
 
 
 def test_feet_are_where_those_of_the_chain_come_to_rest():
-    """Of a thorax beside the plane x = 0, which no parameter set has: every part of its centre counts."""
+    """Check foot points for a thorax off the plane x = 0, which no set has, so that all of its centre matters."""
     girdle = replace(load_model("R2").girdle, centre_mm=jnp.array([6.0, -296.0, 78.0]))
     q = jnp.asarray(simulate_subjects(1, seed=5).angles_deg[4] / DEG)
     theta = girdle.adapted_mm

@@ -1,4 +1,4 @@
-"""The girdle driven by AC_y, AC_z and TS_x: a girdle solved by hand, round trips, coordinates out of reach, slopes."""
+"""The girdle driven by AC_y, AC_z and TS_x: a case by hand, round trips, coordinates out of reach, derivatives."""
 
 from dataclasses import replace
 
@@ -19,20 +19,20 @@ from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG, cardan_from_rotation
 
 ROUND_TRIP_DEG = 1e-9
-"""Measured: 1e-11, rounding of 100s of mm magnified by the slopes of the drive."""
+"""Tolerance; measured are 1e-11: rounding of 100s of mm, magnified by the derivatives of the drive."""
 
 CLOSED_MM = 1e-9
-"""What a driven posture promises."""
+"""Constraint tolerance of a driven posture."""
 
 SLOPES = 1e-9
-"""Relative: two ways through the same geometry, whose 6 x 6 matrix costs some digits."""
+"""Relative tolerance between two ways through the same geometry, whose 6 x 6 matrix costs some digits."""
 
 DIFFERENCES = 1e-6
-"""Relative, of central differences over 1e-3 mm: truncation 1e-9, rounding 1e-12 / 1e-3."""
+"""Relative tolerance for central differences over 1e-3 mm: truncation 1e-9, rounding 1e-12 / 1e-3."""
 
 
 def driven(girdle: Girdle, coordinates_mm, start=REST_DEG / DEG) -> Driven:
-    """``drive`` for one posture or several, by the program of ``girdle drive``: compiled once for all tests."""
+    """Drive one posture or several by the program of ``girdle drive``, compiled once for all tests."""
     asked, near = np.asarray(coordinates_mm).reshape(3, -1), np.asarray(start).reshape(6, -1)
     count = asked.shape[1]
     found = drive_each(girdle.repeated(count), asked, np.broadcast_to(near, (6, count)))
@@ -41,9 +41,9 @@ def driven(girdle: Girdle, coordinates_mm, start=REST_DEG / DEG) -> Driven:
 
 @pytest.fixture
 def at_postures(monkeypatch):
-    """Compile a function that drives: it is told the postures, as ``driven`` found them.
+    """Return a way to compile a function that drives; the postures, found by ``driven``, are an argument.
 
-    No derivative goes through the search for them, which takes most of the compilation.
+    No derivative goes through the search for the postures, which takes most of the compilation.
     """
 
     def compiled(function):
@@ -61,11 +61,11 @@ SETS = ("R2", "R4", "R6", "breteler_dissection", "breteler_mri")
 
 
 def by_hand() -> Girdle:
-    """A sphere of radius 50 about (60, 50, 40), SC in the origin, a clavicle of 130, TS 100 and AI 60 farther on.
+    """Build a sphere of radius 50 about (60, 50, 40), SC in the origin, a clavicle of 130, |AC-TS| = 100, |TS-AI| = 60.
 
-    With AC_y = 50, AC_z = 0 is AC_x = 120. TS_x = 60 puts TS on the circle (60, 50 + 80 cos t, 80 sin t), and its
+    AC_y = 50 and AC_z = 0 give AC_x = 120. TS_x = 60 puts TS on the circle (60, 50 + 80 cos t, 80 sin t), and its
     square distance to the centre is 8000 - 6400 sin t = 69.28^2 at t = 30 and 150 degrees. AI meets |AI - centre|^2 =
-    |TS - centre|^2 + 60^2 where TS-AI stands square on TS-centre and on AC-TS.
+    |TS - centre|^2 + 60^2 where TS-AI is perpendicular to TS-centre and to AC-TS.
     """
     return Girdle(
         centre_mm=np.array([60.0, 50.0, 40.0]),
@@ -75,7 +75,7 @@ def by_hand() -> Girdle:
         clavicle_conoid_mm=np.array([100.0, 10.0, 0.0]),
         ts_mm=np.array([-100.0, 0.0, 0.0]),
         ai_mm=np.array([-100.0, -60.0, 0.0]),
-        scapula_conoid_mm=np.zeros(3),  # set by `with_conoid`
+        scapula_conoid_mm=np.zeros(3),  # set by ``solved_by_hand``
         ts_distance_mm=np.array(np.sqrt(4800.0) - 50.0),
         ai_distance_mm=np.array(np.sqrt(4800.0 + 3600.0) - 50.0),
         conoid_length_mm=np.array(np.sqrt(1200.0)),
@@ -86,8 +86,11 @@ COORDINATES_MM = np.array([50.0, 0.0, 60.0])
 
 
 def solved_by_hand(upper: bool, down: bool) -> tuple[Girdle, np.ndarray]:
-    """The girdle and its angles, deg, on one of four branches. The conoid's attachment on the scapula is 20 mm in front
-    of AC, which gives -200 sin c = (130^2 + 20^2 + 100^2 + 10^2 - 1200) / 2 - 13000 = 100: c = -30 deg."""
+    """Return the girdle and its angles, deg, on one of four branches.
+
+    The conoid's attachment on the scapula is 20 mm in front of AC: -200 sin c = (130^2 + 20^2 + 100^2 + 10^2 - 1200) /
+    2 - 13000 = 100, so that c = -30 deg.
+    """
     girdle = by_hand()
     AC, TS = np.array([120.0, 50.0, 0.0]), np.array([60.0, 50.0 + (80.0 if upper else -80.0) * np.sqrt(0.75), 40.0])
     x = (AC - TS) / 100.0
@@ -134,7 +137,7 @@ def test_what_cannot_be_reached_is_named_and_has_no_angles(word, coordinates, ch
 
 
 def closed_postures(name: str) -> tuple[Girdle, np.ndarray]:
-    """140 postures of ten simulated subjects as the set can take them, rad."""
+    """Return the closed ones of 140 fitted postures of ten simulated subjects, rad."""
     model = load_model(name)
     fitted = fit_postures(read_motions(DATA_FILE), model).by_model[name]
     return model.girdle, fitted.angles[:, fitted.status == "ok"]
@@ -142,8 +145,8 @@ def closed_postures(name: str) -> tuple[Girdle, np.ndarray]:
 
 @pytest.mark.parametrize("name", SETS)
 def test_angles_to_coordinates_to_angles_from_rest(name):
-    """With the slack conoid of breteler_mri the clavicle's other turn is nearer to rest in three postures: those start
-    near where they were."""
+    """Check round trips from rest. With the slack conoid of breteler_mri, another axial rotation of the clavicle is
+    nearer to rest in three postures, which start near their own angles."""
     girdle, angles = closed_postures(name)
     assert angles.shape[1] > 130
     coordinates = free_coordinates_mm(girdle, angles)
@@ -158,7 +161,7 @@ def test_angles_to_coordinates_to_angles_from_rest(name):
 
 
 def test_coordinates_to_angles_to_coordinates_of_coordinates_all_around():
-    """What is reached is reached exactly, and closed; what is not has no angles. Far out some are not."""
+    """Check coordinates all around: reached ones are exact and closed, others, farther out, have no angles."""
     girdle = load_model("R2").girdle
     rest = np.asarray(free_coordinates_mm(girdle, REST_DEG / DEG))[:, None]
     asked = rest + np.random.default_rng(3).uniform(-120.0, 120.0, (3, 400))

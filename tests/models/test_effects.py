@@ -1,4 +1,4 @@
-"""The candidate effects: zero is the base model, geometry by another engine."""
+"""The candidate effects: the base model at zero, and their geometry against independent code."""
 
 import itertools
 from collections.abc import Callable
@@ -24,29 +24,30 @@ from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG, cardan_from_rotation
 
 SAME_MM = 1e-12
-"""Amplitude zero adds zero or multiplies by the identity: rounding of coordinates of 200 mm is 3e-14 mm."""
+"""Tolerance at amplitude zero, which adds zero or multiplies by the identity: rounding of 200 mm is 3e-14 mm."""
 
 GEOMETRY_MM = 1e-9
-"""Two ways to compute one geometry: rounding of 1e-14 mm, and the ellipsoid's Newton stops at 1e-12 mm."""
+"""Tolerance between two computations of one geometry: rounding of 1e-14 mm; the ellipsoid's Newton stops at 1e-12
+mm."""
 
 FELT_MM = 0.1
-"""An effect of its prior scale that changes no constraint by this much would change nothing that can be measured."""
+"""Least change of a constraint by an effect of its prior scale: a smaller one could not be measured."""
 
 FD_STEP = 1e-4
-"""Of amplitudes in units of their scale: truncation goes with its square, rounding of 1e-13 mm with its inverse."""
+"""Step in units of the amplitudes' scale: truncation goes with its square, rounding of 1e-13 mm with its inverse."""
 
 FD_TOLERANCE_MM = 1e-6
-"""mm a scale: truncation of second derivatives of at most 10 mm is 1e-7, rounding 1e-13 mm / 1e-4."""
+"""Tolerance in mm per scale: truncation of second derivatives of at most 10 mm is 1e-7, rounding 1e-13 mm / 1e-4."""
 
 SMALL = 1e-3
 """Size, in scales, at which effects are a change of first order."""
 
 FIRST_ORDER = 2.0 * SMALL
-"""What two effects of SMALL size change beyond their sum, or by being taken in the other order, as a share of the
-smaller of them: of second order (seen: half of SMALL)."""
+"""Largest change by two effects of ``SMALL`` size beyond their sum, or by the other order, relative to the smaller of
+them: of second order (seen: half of SMALL)."""
 
 SUPERQUADRIC = 1e-4
-"""Exponent for which the surface is the moved ellipsoid to first order, and the share by which it then differs."""
+"""Exponent for which the surface is the moved ellipsoid to first order, and their relative difference."""
 
 CONTRACT = [
     "scapulothoracic_gap",
@@ -78,7 +79,7 @@ CONTRACT = [
     "thorax_extension:posture",
     "skin_artefact:elevation",
 ]
-"""The names that files and commands of other versions know."""
+"""Names that files and commands of other versions use."""
 
 GIRDLE = load_model("R2").girdle
 BONES = bones(GIRDLE)
@@ -90,19 +91,19 @@ each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 
 
 def chain(*acting: tuple[Effect, np.ndarray]) -> ExtendedGirdle:
-    """R2 with effects of given strengths (channels,), the same in all postures."""
+    """Return R2 with effects of given strengths (channels,), the same in all postures."""
     strengths = tuple(np.repeat(np.asarray(strength, float)[:, None], POSTURES, axis=1) for _, strength in acting)
     return ExtendedGirdle(GIRDLE.over_axes(1), ActiveEffects(strengths, tuple(effect for effect, _ in acting)))
 
 
 def residuals(extended: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
-    """By NumPy, but for what an effect leaves to JAX."""
+    """Compute the residuals by NumPy, except where an effect needs JAX."""
     return np.asarray(extended.residuals_mm(angles))
 
 
 @few_runs
 def value_and_slope(extended: ExtendedGirdle, direction: ExtendedGirdle):
-    """By JAX, the residuals and their slope along the strengths of ``direction``: compiled once an effect."""
+    """Compute by JAX the residuals and their derivative along ``direction``: one compilation per effect."""
 
     def residuals_at(active_effects):
         return replace(extended, active_effects=active_effects).residuals_mm(jnp.asarray(ANGLES))
@@ -111,7 +112,7 @@ def value_and_slope(extended: ExtendedGirdle, direction: ExtendedGirdle):
 
 
 def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:
-    """JAX's value is NumPy's, and its derivative that of central differences of NumPy's."""
+    """Check JAX's value against NumPy's, and its derivative against central differences of NumPy's values."""
     up, here, down = (residuals(chain((effect, at + step * direction))) for step in (FD_STEP, 0.0, -FD_STEP))
     value, slope = value_and_slope(chain((effect, at)), chain((effect, direction)))
     close(value, here)
@@ -119,35 +120,35 @@ def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:
 
 
 def scale(effect: Effect) -> np.ndarray:
-    """What is a typical strength in each channel; of the skin's lag, degrees about each axis of the scapula."""
+    """Return a typical strength in each channel; for the skin's lag, degrees about each axis of the scapula."""
     if effect.name == "skin_artefact":
         return np.full(3, 8.0)
     return effect.amplitude_prior(_MOTIONS).sd if ":posture" in effect.name else np.asarray(effect.prior.scale)
 
 
 def unequal(effect: Effect) -> np.ndarray:
-    """A strength of the size of the scale with another value and sign in each channel."""
+    """Return strengths of the size of the scale, with another value and sign in each channel."""
     return scale(effect) * np.array([0.8, -0.6, 0.5, -0.7, 0.4, -0.3, 0.6, -0.5, 0.7])[: len(scale(effect))]
 
 
 def turn(deg: np.ndarray) -> np.ndarray:
-    """exp of a vector in degrees, by SciPy."""
+    """Compute exp of a vector in degrees, by SciPy."""
     return Rotation.from_rotvec(deg, degrees=True).as_matrix()
 
 
 def rotations(angles=ANGLES) -> tuple[np.ndarray, np.ndarray]:
-    """(postures, 3, 3) of clavicle and scapula, by SciPy."""
+    """Return rotations (postures, 3, 3) of clavicle and scapula, by SciPy."""
     C, S = (Rotation.from_euler("YZX", np.asarray(angles[k : k + 3]).T).as_matrix() for k in (0, 3))
     return C, S
 
 
 def angles_of(R_clavicle: np.ndarray, R_scapula: np.ndarray) -> np.ndarray:
-    """Six angles (6, postures) of matrices (postures, 3, 3)."""
+    """Return six angles (6, postures) of matrices (postures, 3, 3)."""
     return np.concatenate([cardan_from_rotation(np.moveaxis(R, 0, -1)) for R in (R_clavicle, R_scapula)])
 
 
 def base_ts_and_ai() -> np.ndarray:
-    """TS and AI of the base chain, (3, 2, postures), in NumPy."""
+    """Compute TS and AI of the base chain, (3, 2, postures), in NumPy."""
     C, S = rotations()
     AC = BONES.sc_mm + C @ BONES.ac_mm
     return np.stack([(AC + S @ arm).T for arm in (BONES.ts_mm, BONES.ai_mm)], axis=1)
@@ -177,7 +178,7 @@ def test_amplitude_zero_is_the_base_model(effect):
 
 @each_effect
 def test_every_channel_changes_what_is_seen_in_its_own_way(effect):
-    """The changes of the constraints at all postures by each channel are felt and linearly independent."""
+    """Check that each channel changes the constraints measurably, and that these changes are linearly independent."""
 
     changes = [(residuals(chain((effect, row))) - base_residuals()).ravel() for row in np.diag(scale(effect))]
     assert min(np.abs(change).max() for change in changes) > FELT_MM
@@ -192,12 +193,12 @@ def test_derivative_by_each_channel_is_that_of_differences(effect):
 
 @each_effect
 def test_derivative_at_zero_is_that_of_differences(effect):
-    """Where every fit begins; rotations by a vector have 0/0 there."""
+    """Check the derivative at zero, where every fit begins; rotations by a vector have 0/0 there."""
     assert_slope(effect, np.zeros(len(scale(effect))), unequal(effect))
 
 
 def test_small_effects_add_up_and_their_order_does_not_matter():
-    """Every effect alone and every pair, at SMALL size: lanes of one chain of all effects, in both orders."""
+    """Check every effect and every pair at ``SMALL`` size: problems of one chain with all effects, in both orders."""
     effects = tuple(EFFECTS.values())
     pairs = list(itertools.combinations(range(len(effects)), 2))
     acting = np.array([[k in case for case in [(), *((k,) for k in range(len(effects))), *pairs]]
@@ -235,7 +236,7 @@ def test_what_describes_an_effect_fits_together(effect):
 
 
 def over(elevation_deg: list[float]) -> Motions:
-    """Postures with these elevations of the arm, else those that there are."""
+    """Return postures with these elevations of the arm."""
     some = _MOTIONS.select(np.arange(POSTURES) < len(elevation_deg))
     return replace(some, humerus_elevation_deg=np.array(elevation_deg))
 
@@ -264,7 +265,7 @@ def test_a_course_is_linear_bent_and_shifted_over_elevation():
 
 @pytest.mark.parametrize("name", ["clavicle_axial_estimate", "conoid_strain"])
 def test_what_comes_late_goes_with_the_square_of_elevation(name):
-    """Three quarters of it lie in the upper half; bend and shift are those of all others."""
+    """Check that three quarters of the effect lie in the upper half; bend and shift are those of all other effects."""
     found = EFFECTS[name].columns(over(QUARTERS_DEG))[:, 0]
     close(found, [[0.0625, 0.25, 0.5625], [0.75, 1.0, 0.75], [0.75, 0.0, -0.75]], SAME_MM)
 
@@ -279,20 +280,20 @@ def test_what_is_constant_has_a_course_of_one():
 
 
 def longer(b: Bones, strength) -> Bones:
-    """The conoid keeps its share of the length, and its distances from the line."""
+    """Lengthen the clavicle; the conoid keeps its share of the length, and its distances from the axis."""
     length = 1.0 + strength[0] / 100.0
     conoid_mm = b.clavicle_conoid_mm * np.array([length, 1.0, 1.0])
     return replace(b, ac_mm=length * b.ac_mm, clavicle_conoid_mm=conoid_mm)
 
 
 def larger(b: Bones, strength) -> Bones:
-    """The coracoid grows three quarters as much as the blade."""
+    """Enlarge the scapula; the coracoid grows three quarters as much as the blade."""
     blade, coracoid = 1.0 + strength[0] / 100.0, 1.0 + 0.75 * strength[0] / 100.0
     return replace(b, ts_mm=blade * b.ts_mm, ai_mm=blade * b.ai_mm, scapula_conoid_mm=coracoid * b.scapula_conoid_mm)
 
 
 def elsewhere(b: Bones, strength) -> Bones:
-    """AC moves in the clavicle; on the scapula all moves that is seen from it."""
+    """Move AC in the clavicle; on the scapula all points relative to AC move."""
     off_axis, apart_mm = np.array([0.0, *strength[:2]]), strength[2:]
     moved = {name: getattr(b, name) + apart_mm for name in ("ts_mm", "ai_mm", "scapula_conoid_mm")}
     return replace(b, ac_mm=b.ac_mm + off_axis, **moved)
@@ -319,7 +320,7 @@ OTHER_BONES: dict[str, Callable[[Bones, np.ndarray], Bones]] = {
     "ts_distance_offset": lambda b, s: replace(b, ts_distance_mm=b.ts_distance_mm + s[0]),
     "ai_distance_offset": lambda b, s: replace(b, ai_distance_mm=b.ai_distance_mm + s[0]),
 }
-"""The effects that are a girdle with other numbers."""
+"""Effects that equal a girdle with other numbers."""
 
 
 @pytest.mark.parametrize("name", OTHER_BONES)
@@ -331,7 +332,7 @@ def test_an_effect_on_the_bones_is_a_girdle_with_other_numbers(name):
 
 
 def by_posture(name: str, posture: int) -> np.ndarray:
-    """Of unequal amplitudes of the twin, the strength of each direction in this posture, by hand."""
+    """Compute by hand each direction's strength in one posture, for unequal amplitudes of the effect over posture."""
     effect, twin = EFFECTS[name], EFFECTS[f"{name}:posture"]
     columns = [ANGLE_COLUMNS.index(angle) for angle in effect.may_follow]
     away = (np.asarray(ANGLES * DEG)[columns, posture] - np.array(HANGING_DEG)[columns]) / 30.0
@@ -340,15 +341,15 @@ def by_posture(name: str, posture: int) -> np.ndarray:
 
 ANGLE_COLUMNS = ["clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x"]
 HANGING_DEG = [-28.57, 11.68, 7.48, 32.05, 10.67, -10.32]
-"""The published mean with the arm hanging, as the sources of the parameter sets print it."""
+"""Published mean with the arm hanging, as the sources of the parameter sets print it."""
 
 HANGING_STRENGTH = 1e-3
-"""Of a strength: the published mean is printed to two digits, 0.005 of 30 degrees."""
+"""Tolerance for a strength: the published mean is printed to two digits, 0.005 of 30 degrees."""
 
 
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.may_follow])
 def test_by_posture_is_the_effect_with_a_strength_along_the_bones_own_angles(name):
-    """The constraints of every posture are those of the effect with the strength that it has there."""
+    """Check the constraints of every posture against the effect with its strength in that posture."""
     effect, twin = EFFECTS[name], EFFECTS[f"{name}:posture"]
     assert twin.cause == effect.cause == name
     assert twin.directions == tuple(f"{one} by {angle}" for one in effect.directions for angle in effect.may_follow)
@@ -360,7 +361,7 @@ def test_by_posture_is_the_effect_with_a_strength_along_the_bones_own_angles(nam
 
 
 def test_the_posture_is_that_of_the_bones_not_that_which_was_measured():
-    """After a bias of the scapula's frame, an effect over its posture acts as it does on the bone."""
+    """Check that after a bias of the scapula's frame, an effect over its posture depends on the angles of the bone."""
     bias, twin = EFFECTS["scapula_landmark_bias"], EFFECTS["conoid_strain:posture"]
     C, S = rotations()
     both = chain((bias, unequal(bias)), (twin, unequal(twin)))
@@ -369,8 +370,8 @@ def test_the_posture_is_that_of_the_bones_not_that_which_was_measured():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_thorax_shape_is_the_distance_to_a_superquadric(sign):
-    """Along the normal of the ellipsoid's closest point, to where |x|^r + |y|^r + |z|^r = 1 in units of the semi-axes,
-    with r - 2 the exponent."""
+    """Check the distance along the ellipsoid's normal to |x|^r + |y|^r + |z|^r = 1 in semi-axes; r - 2 is the
+    exponent."""
     found = residuals(chain((EFFECTS["thorax_shape"], np.array([sign * SUPERQUADRIC]))))
     r = 2.0 + sign * SUPERQUADRIC
     moved = base_residuals() - found
@@ -409,7 +410,7 @@ def test_clavicle_frame_bias_undone_is_the_base_model():
 
 
 def test_a_clavicle_frame_turned_about_the_bone_is_a_conoid_attachment_turned_in_it():
-    """AC lies on the axis."""
+    """Check that a clavicle frame turned about its axis, on which AC lies, acts like a turned conoid attachment."""
     found = residuals(chain((EFFECTS["clavicle_frame_bias"], np.array([20.0, 0.0, 0.0]))))
     attached = replace(BONES, clavicle_conoid_mm=turn(np.array([20.0, 0.0, 0.0])) @ BONES.clavicle_conoid_mm)
     close(found, np.transpose([constraints(attached, q)[0] for q in np.asarray(ANGLES * DEG).T]))
@@ -425,7 +426,7 @@ def test_skin_artefact_undone_is_the_base_model():
 
 
 def test_clavicle_axial_estimate_undone_is_the_base_model():
-    """The estimate lags about the clavicle's own axis, on which AC lies: only the conoid feels it."""
+    """Check an estimate that lags about the clavicle's axis: AC lies on this axis, so that only the conoid changes."""
     effect = EFFECTS["clavicle_axial_estimate"]
     C, S = rotations()
     changed = chain((effect, np.array([15.0])))
@@ -435,7 +436,7 @@ def test_clavicle_axial_estimate_undone_is_the_base_model():
 
 
 def test_thorax_extension_undone_is_the_base_model():
-    """Both bones are measured in a frame that lags, turned by E."""
+    """Both bones are measured in a lagging frame, turned by E."""
     effect = EFFECTS["thorax_extension"]
     deg = unequal(effect)
     E = turn(deg)
@@ -445,7 +446,7 @@ def test_thorax_extension_undone_is_the_base_model():
 
 
 def test_thorax_tilt_turns_the_ellipsoid():
-    """Distances to an ellipsoid with axes turned about its centre; the conoid does not know."""
+    """Check distances to an ellipsoid with axes turned about its centre; the conoid stays the same."""
     effect = EFFECTS["thorax_tilt"]
     changed = chain((effect, unequal(effect)))
     found = residuals(changed)
@@ -457,7 +458,7 @@ def test_thorax_tilt_turns_the_ellipsoid():
 
 
 def test_two_effects_are_undone_from_outside_in():
-    """A lag in a turned frame: the frame's turn comes last."""
+    """Check a lag in a turned frame: the rotation of the frame comes last."""
     extension, artefact = EFFECTS["thorax_extension"], EFFECTS["skin_artefact"]
     E, L = turn(unequal(extension)), turn(unequal(artefact))
     C, S = rotations()

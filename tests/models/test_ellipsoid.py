@@ -13,39 +13,39 @@ from models import ellipsoid, load_model, model_names
 from models.ellipsoid import closest_point, closest_point_multiplier, signed_distance_mm
 
 ROUNDING_MM = 1e-10
-"""Distances are of 100s of mm; 1e3 times their rounding, for the sums and the root of the secular equation. The point
-is also moved 1e-13 of an axis off a symmetry plane."""
+"""Tolerance for distances of 100s of mm: 1e3 times their rounding, for the sums and the root of the secular equation.
+The point is also moved 1e-13 of an axis off a symmetry plane."""
 
 ON_SURFACE = 1e-12
-"""sum (x_i / a_i)^2 - 1 of a foot point: the multiplier is exact to rounding, magnified by the nearest denominator."""
+"""Tolerance of sum (x_i / a_i)^2 - 1 at a foot point: rounding of t, magnified by the smallest denominator."""
 
 DIRECTION = 1e-9
-"""Sine of the angle between p - x and the normal, times distance over 1 mm: rounding of p - x, 1e-13 mm, over it."""
+"""Tolerance of the sine of the angle from p - x to the normal, times distance over 1 mm: rounding, 1e-13 mm."""
 
 MULTIPLIER = 1e-9
-"""Relative: t is a small difference of points 100s of mm long, exact to 1e-13 mm each."""
+"""Relative tolerance: t is a small difference of points 100s of mm long, exact to 1e-13 mm each."""
 
 LOOP_MM = 1e-6
-"""What the steps before the loop may leave near the surface: see models.ellipsoid."""
+"""Largest error near the surface without the loop of Newton steps: see models.ellipsoid."""
 
 GRADIENT_FD = 1e-7
-"""Central differences of step 1e-4 mm: truncation 1e-9, rounding 1e-13 mm / 1e-4 mm, with room."""
+"""Tolerance for central differences of step 1e-4 mm: truncation 1e-9, rounding 1e-13 mm / 1e-4 mm, with room."""
 
 HESSIAN_FD = 1e-7
-"""The same, of the gradient, which is exact to 1e-14; 1/mm."""
+"""Tolerance in 1/mm for central differences of the gradient, which is exact to 1e-14."""
 
 EXACT = 1e-13
-"""Forward and reverse derivatives do the same arithmetic in another order."""
+"""Tolerance between forward and reverse mode, which do the same arithmetic in another order."""
 
 THORAX = jnp.array([153.0, 404.0, 130.0])
 ZERO = jnp.zeros(3)
 
 SIDE_BY_SIDE = 128
-"""Points in one program: it is compiled once for all tests."""
+"""Number of points per call of a program, compiled once for all tests."""
 
 
 def side_by_side(function):
-    """A program of (3, points) arguments of any number, filled up with copies of the last."""
+    """Compile a function of (3, points) arguments; it runs on any number of points, padded with copies of the last."""
     program = jax.jit(function)
 
     def run(*given):
@@ -66,13 +66,13 @@ gradient = jax.jit(jax.grad(signed_distance_mm, argnums=(0, 1, 2)))
 
 
 def distance(p, a) -> np.ndarray:
-    """From the centre."""
+    """Compute the distance for points relative to the centre."""
     return distance_from(p, np.zeros_like(p), a)
 
 
 OFF_PLANE_MM = 0.1
-"""How far the points of the property tests keep off the symmetry planes: deep inside, nearer to that of the shortest
-axis, the compiled distance loses digits (``test_deep_inside_next_to_the_plane_of_the_shortest_axis``)."""
+"""Distance of the points of the property tests from the symmetry planes: deep inside and nearer to the plane of the
+shortest axis, the compiled distance loses digits (``test_deep_inside_next_to_the_plane_of_the_shortest_axis``)."""
 
 COORDINATE = st.one_of(st.floats(-600.0, -OFF_PLANE_MM), st.floats(OFF_PLANE_MM, 600.0))
 POINT = st.tuples(COORDINATE, COORDINATE, COORDINATE)
@@ -80,7 +80,7 @@ AXES = st.tuples(*[st.floats(60.0, 450.0)] * 3)
 
 
 def sample(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the surfaces of random ellipsoids and the semi-axes, (3, count)."""
+    """Draw points on random ellipsoids, and the semi-axes, (3, count) each."""
     generator = np.random.default_rng(seed)
     axes = generator.uniform(60.0, 450.0, (3, count))
     direction = generator.normal(size=(3, count))
@@ -108,7 +108,7 @@ def test_the_centre_moves_with_the_points():
 
 
 def test_points_along_the_normal_come_back_to_their_foot():
-    """p = x + t x / a^2 has its nearest point at x exactly as long as t > -min a^2 (all inside included)."""
+    """Check p = x + t x / a^2, whose closest point is exactly x as long as t > -min a^2 (points inside included)."""
     x, a = sample(100_000, seed=2)
     generator = np.random.default_rng(3)
     shortest = np.min(a * a, axis=0)
@@ -117,12 +117,12 @@ def test_points_along_the_normal_come_back_to_their_foot():
     p = x + t * x / a**2
     found = distance(jnp.asarray(p), jnp.asarray(a))
     np.testing.assert_allclose(found, t * np.linalg.norm(x / a**2, axis=0), atol=ROUNDING_MM, rtol=1e-12)
-    # Next to the evolute (t = -min a^2) the foot point slides 1 / (1 + t / min a^2) = 100 times as far as p.
+    # Near the evolute (t = -min a^2) the foot point moves 1 / (1 + t / min a^2) = 100 times as far as p.
     np.testing.assert_allclose(closest(jnp.asarray(p), jnp.asarray(a)), x, rtol=0.0, atol=100.0 * ROUNDING_MM)
 
 
 def test_the_multiplier_of_a_foot_by_hand():
-    """p = x + t x / a^2 with a foot x that is chosen: t comes back, in numpy and in JAX, inside as outside."""
+    """Check p = x + t x / a^2 with a chosen foot point x: NumPy and JAX return t, inside and outside."""
     x, a = sample(20, seed=8)
     multiplier = side_by_side(closest_point_multiplier)
     for t in (-2000.0, 500.0, 30_000.0):
@@ -134,7 +134,7 @@ def test_the_multiplier_of_a_foot_by_hand():
 
 
 def test_numpy_finds_what_jax_finds():
-    """The root of the distance is numpy's own there."""
+    """Check NumPy's distance, whose root search is a separate implementation."""
     x, a = sample(50, seed=9)
     p = np.concatenate([0.4 * x, 1.2 * x], axis=1)
     found = signed_distance_mm(p, np.zeros_like(p), np.tile(a, 2))
@@ -143,15 +143,15 @@ def test_numpy_finds_what_jax_finds():
 
 
 def test_a_point_on_the_plane_has_its_foot_on_the_positive_side():
-    """Of the centre the two ends of the shortest axis are equally near; a point below the plane, however little, goes
-    down."""
+    """Check points on the plane of the shortest axis: the centre is equally near to both its ends; below the plane,
+    however little, the foot point is below too."""
     for side, z in ((1.0, 0.0), (1.0, 1e-9), (-1.0, -1e-9), (1.0, 1e-12), (-1.0, -1e-12)):
         found = closest(np.array([0.0, 0.0, z]), THORAX)
         np.testing.assert_allclose(found, [0.0, 0.0, side * 130.0], rtol=0.0, atol=1e-6)
 
 
 def test_the_distance_beside_its_derivatives_is_the_distance():
-    """The rule of the derivative says the value anew."""
+    """Check the value from the derivative rule, which computes it separately."""
     x, a = sample(20, seed=10)
     p = jnp.asarray(1.3 * x)
     from_centre = few_runs(lambda p: jax.jvp(lambda p: signed_distance_mm(p, jnp.zeros_like(p), a), (p,), (p,)))
@@ -176,7 +176,7 @@ def test_foot_points_are_on_the_surface_and_the_normal_meets_the_point():
 
 
 def brute_force_mm(p: np.ndarray, a: np.ndarray) -> float:
-    """The smallest distance over a grid of the surface, refined from the best points of the grid by BFGS."""
+    """Compute the smallest distance over a grid of the surface, refined from the best points of the grid by BFGS."""
 
     def surface(angles):
         u, v = angles
@@ -195,7 +195,7 @@ BRUTE_FORCE_MM = 1e-6
 """BFGS with difference derivatives stops about 1e-6 rad from the minimum, where the distance is flat."""
 
 DEEP = [
-    (0.0, 0.0, 0.0),  # the centre: the two ends of the shortest axis are equally near
+    (0.0, 0.0, 0.0),  # the centre: both ends of the shortest axis are equally near
     (0.0, 0.0, 30.0),  # on an axis, inside the evolute
     (0.0, 200.0, 0.0),  # on the longest axis
     (40.0, 0.0, 0.0),
@@ -221,7 +221,7 @@ def test_nearest_of_all_surface_points(point, axes):
 
 
 def test_deep_inside_next_to_the_plane_of_the_shortest_axis():
-    """At the centre the distance is minus the shortest semi-axis, and foot points are on the surface near it too."""
+    """At the centre the distance is minus the shortest semi-axis, and foot points near it are on the surface."""
     generator = np.random.default_rng(7)
     axes = generator.uniform(60.0, 450.0, (3, 1000))
     found = [float(distance(ZERO, jnp.asarray(a))) for a in axes.T[:200]]
@@ -233,7 +233,7 @@ def test_deep_inside_next_to_the_plane_of_the_shortest_axis():
 
 @pytest.mark.parametrize("name", model_names())
 def test_the_steps_that_every_point_takes_are_enough_near_the_surface(name, monkeypatch):
-    """The root is that of a nearly linear function: without the loop nothing is lost that a constraint would see."""
+    """Check the root without the loop, near the surface: the function is nearly linear, and the error irrelevant."""
     direction = np.random.default_rng(12).normal(size=(3, 1000))
     a = np.asarray(load_model(name).girdle.semi_axes_mm)[:, None] * np.ones_like(direction)
     x = a * direction / np.linalg.norm(direction, axis=0)
@@ -293,7 +293,7 @@ SMOOTH = [
 
 
 def central(f, x: np.ndarray, step: float = 1e-4) -> np.ndarray:
-    """df/dx along the last axis by central differences."""
+    """Compute df/dx along the last axis by central differences."""
     ends = [(np.asarray(f(x + step * e)) - np.asarray(f(x - step * e))) / (2 * step) for e in np.eye(len(x))]
     return np.stack(ends, axis=-1)
 
@@ -329,7 +329,7 @@ def test_the_hessian_is_that_of_differences_and_symmetric(point):
     np.testing.assert_allclose(nine_reverse(z), H, rtol=0.0, atol=EXACT)
     np.testing.assert_allclose(nine_forward(z), H, rtol=0.0, atol=EXACT)
     np.testing.assert_allclose(slope_in_forward_mode(z), nine_gradient(z), rtol=0.0, atol=EXACT)
-    assert np.abs(H[:3, :3] @ np.asarray(nine_gradient(z))[:3]).max() <= EXACT  # the normal does not turn along itself
+    assert np.abs(H[:3, :3] @ np.asarray(nine_gradient(z))[:3]).max() <= EXACT  # the normal is constant along itself
 
 
 def test_on_a_sphere_the_hessian_is_that_of_the_norm():

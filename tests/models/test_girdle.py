@@ -1,4 +1,4 @@
-"""The girdle's geometry against figures solved by hand, and the derivatives of the constraints."""
+"""The girdle's geometry against cases solved by hand, and the derivatives of the constraints."""
 
 from dataclasses import fields, replace
 
@@ -16,14 +16,14 @@ from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 
 ROUNDING_MM = 1e-11
-"""Some rounding errors of sums of 100s of mm; the distance to the ellipsoid is as good."""
+"""A few rounding errors of sums of 100s of mm; the distance to the ellipsoid is as accurate."""
 
 FD_TOLERANCE = 2e-7
-"""Central differences, 1e-6 rad or 1e-3 mm: the rounding of the residuals, 1e-13 mm, over the step, and the second
-power of the step times third derivatives of 100s of mm a cubic radian."""
+"""Tolerance for central differences, 1e-6 rad or 1e-3 mm: the rounding of the residuals, 1e-13 mm, over the step, and
+the square of the step times third derivatives of 100s of mm per cubic radian."""
 
 EXACT = 1e-10
-"""Forward and reverse derivatives: the same sums in another order, 100s of mm a radian."""
+"""Tolerance between forward and reverse mode: the same sums in another order, 100s of mm per radian."""
 
 SC = np.array([20.0, -8.0, 12.0])
 L, WIDTH, HEIGHT = 150.0, 110.0, 100.0
@@ -42,7 +42,7 @@ HAND = Girdle(
     ai_distance_mm=np.array(-3.0),
     conoid_length_mm=np.array(16.0),
 )
-"""A thorax that is a sphere, and round numbers."""
+"""Girdle with round numbers and a sphere as thorax."""
 
 residuals = few_runs(constraint_residuals_mm)
 
@@ -63,13 +63,13 @@ def test_unturned_bones_lie_along_the_thorax_axes():
     np.testing.assert_allclose(at.AI, AC - [WIDTH, HEIGHT, 0.0], rtol=0.0, atol=ROUNDING_MM)
     np.testing.assert_allclose(at.clavicle_conoid, SC + np.array([120.0, 10.0, 0.0]), rtol=0.0, atol=ROUNDING_MM)
     np.testing.assert_allclose(at.scapula_conoid, AC + np.array([-20.0, 0.0, -30.0]), rtol=0.0, atol=ROUNDING_MM)
-    # Conoid: AC + (-20, 0, -30) - SC - (120, 10, 0) = (10, -10, -30).
+    # The conoid is AC + (-20, 0, -30) - SC - (120, 10, 0) = (10, -10, -30).
     expected = [to_sphere(at.TS) - 5.0, to_sphere(at.AI) + 3.0, np.sqrt(1100.0) - 16.0]
     np.testing.assert_allclose(residuals(HAND, np.zeros(6)), expected, rtol=0.0, atol=ROUNDING_MM)
 
 
 def test_a_quarter_turn_about_each_axis_of_the_clavicle():
-    """Protraction swings AC to the front (-z), elevation up; axial rotation turns only the conoid's attachment."""
+    """Protraction swings AC to the front (-z), elevation up; axial rotation moves only the conoid's attachment."""
     for angles, AC, conoid in (
         ((90.0, 0.0, 0.0), [0.0, 0.0, -L], [0.0, 10.0, -120.0]),
         ((0.0, 90.0, 0.0), [0.0, L, 0.0], [-10.0, 120.0, 0.0]),
@@ -81,10 +81,11 @@ def test_a_quarter_turn_about_each_axis_of_the_clavicle():
 
 
 def test_a_girdle_in_the_sagittal_plane():
-    """Both bones protracted by 90 degrees, SC in the plane: everything has x = 0 and A1, A2 are distances in a plane.
+    """Check both bones protracted by 90 degrees and SC in the plane: all landmarks have x = 0, A1 and A2 are plane
+    distances.
 
-    The bones' x is then -z of the thorax. No rotation in the plane (b) moves a landmark out of it, and the constraints
-    of the sphere do not feel the way out of it: their slopes along a are 0.
+    The bones' x is then -z of the thorax. A rotation in the plane (b) moves no landmark out of it. The constraints of
+    the sphere have slopes of 0 along a, which moves landmarks out of the plane.
     """
     girdle = replace(HAND, sc_mm=np.array([0.0, -8.0, 12.0]), scapula_conoid_mm=np.array([-20.0, -30.0, 0.0]))
     angles = radians(90.0, 0.0, 0.0, 90.0, 0.0, 0.0)
@@ -104,8 +105,10 @@ def test_a_girdle_in_the_sagittal_plane():
 
 @pytest.mark.parametrize("const1", [-20.0, 0.0, 7.0])
 def test_the_scapula_that_puts_ts_on_a_sphere(const1):
-    """Cosine rule: centre m medial of AC, TS at WIDTH from AC; TS is at r + const1 where
-    cos a = (m^2 + WIDTH^2 - (r + const1)^2) / (2 m WIDTH)."""
+    """Check the cosine rule, with the centre m medial of AC and TS at ``WIDTH`` from AC.
+
+    TS is at r + const1 where cos a = (m^2 + WIDTH^2 - (r + const1)^2) / (2 m WIDTH).
+    """
     m = 160.0
     AC = SC + np.array([L, 0.0, 0.0])
     girdle = replace(HAND, centre_mm=jnp.asarray(AC - [m, 0.0, 0.0]), ts_distance_mm=jnp.array(const1))
@@ -206,7 +209,7 @@ def test_a_batch_is_its_members():
 
 
 def test_numpy_finds_what_jax_finds():
-    """The text is one, but not the length of the conoid nor the root of the distance: numpy's are their own."""
+    """Check NumPy's result: the code is JAX's, except for the conoid's length and the root of the distance."""
     generator = np.random.default_rng(4)
     angles = generator.uniform(-0.5, 0.5, (6, 5))
     found = constraint_residuals_mm(HAND.repeated(5), angles)

@@ -1,4 +1,4 @@
-"""The published lines: their frames, their sources, and their place on the bones of every set."""
+"""The published muscle lines: their frames, their sources, and their places on the bones of every set."""
 
 import tomllib
 
@@ -21,14 +21,14 @@ DOCUMENT = tomllib.loads(TABLE.read_text(encoding="utf-8"))
 CADAVER, DAS3 = DOCUMENT["cadaver"], DOCUMENT["das3"]
 
 LANDMARK_MM = 3.0
-"""Two lists of landmarks of one cadaver differ by up to 1.5 mm (AI)."""
+"""Tolerance: two lists of landmarks of one cadaver differ by up to 1.5 mm (AI)."""
 
 PRINTED_MM = 1e-6
-"""Digits of TS and AI in the set's file."""
+"""Rounding of TS and AI in the set's file."""
 
 
 def test_gh_lies_in_das3s_scapula_frame_where_the_cadaver_has_it():
-    """No frame is made from GH: its coordinates in DAS3, brought to the thorax, are those of Table 4.2."""
+    """Check GH of DAS3, transformed to the thorax, against Table 4.2: no frame is built from GH."""
     GH = scapula_in_thorax(DAS3, "aa").outward(np.array([[2.0, -23.0, -43.9]]).T)[:, 0]
     assert np.linalg.norm(GH - CADAVER["gh_mm"]) < LANDMARK_MM
 
@@ -45,7 +45,7 @@ def test_the_frame_through_aa_is_turned_as_in_other_scapulae():
 
 
 def test_the_clavicular_trapezius_ends_at_the_lateral_clavicle():
-    """On the last third of the clavicle, within 20 mm of its axis."""
+    """Check for the last third of the clavicle, within 20 mm of its axis."""
     lines = muscle_lines(load_model("breteler_dissection"))
     ends = lines.end_mm[:, lines.of("trapezius_clavicular")]
     assert np.all(ends[0] > 160.0 * 2.0 / 3.0)
@@ -80,17 +80,20 @@ MEASURED_CM = {
     "pect_maj_t_1": ((6.12, -15.74, -3.21), (17.46, -8.36, 5.05)),
     "pect_maj_c_1": ((6.45, 0.24, 1.04), (17.81, -10.89, 5.33)),
 }
-"""Both ends of a line of each muscle, thorax frame, as the cadaver was measured: the input file of the Delft model,
-which public code quotes. Nothing of the project is made from these."""
+"""Both ends of a line of each muscle, thorax frame, as measured in the cadaver: from the input file of the Delft model,
+which public code quotes. No number of the project comes from these."""
 
 ORIGIN_MM, INSERTION_MM = 1.1, 0.1
-"""Its landmarks are rounded to 1 mm; DAS3's frame of the humerus is nearer to how it was measured than those of the
-scapula are."""
+"""Tolerances: the input file rounds landmarks to 1 mm, and DAS3's frame of the humerus is nearer to the measurement
+than its frames of the scapula."""
 
 
 def test_the_lines_of_the_humerus_lie_where_the_cadaver_was_measured():
-    """DAS3's frame of the humerus is Appendix A's: one pose of it brings all insertions to the thorax, from GH, and is
-    that of GH, EM and EL in Table 4.2 to a third of a degree."""
+    """Check that DAS3's frame of the humerus is that of Appendix A.
+
+    One pose about GH transforms all insertions to the thorax, and agrees with GH, EM and EL in Table 4.2 to a third of
+    a degree.
+    """
     rows = {row["name"]: row for part in DOCUMENT["muscle"].values() for row in part["lines"]}
     poses = {"scapula": scapula_in_thorax(DAS3, "aa"), "clavicle": clavicle_in_thorax(DAS3, "joint_sc")}
     for name, (origin_cm, _) in MEASURED_CM.items():
@@ -111,8 +114,8 @@ def test_the_lines_of_the_humerus_lie_where_the_cadaver_was_measured():
 
 
 def test_the_contours_of_the_humerus_are_those_of_the_thesis():
-    """Tables 4.3 and 4.4, dissection: the ball through the tubercles, under the deltoid, has a radius of 27.2 mm, its
-    centre is 3.5 mm from GH; the shaft has 9.0 mm, and DAS3 1 mm more."""
+    """Tables 4.3 and 4.4, dissection: the ball through the tubercles, under the deltoid, has a radius of 27.2 mm and a
+    centre 3.5 mm from GH; the shaft has a radius of 9.0 mm, and in DAS3 1 mm more."""
     contours = DOCUMENT["contour"]
     assert contours["deltoid"]["radius_mm"] == 27.2
     assert np.linalg.norm(contours["deltoid"]["centre_mm"]) == pytest.approx(3.5, abs=0.6)
@@ -126,7 +129,7 @@ def test_the_contours_of_the_humerus_are_those_of_the_thesis():
 
 @pytest.mark.parametrize("name", SETS)
 def test_the_serratus_and_the_rhomboids_end_along_the_medial_border(name):
-    """Between the root of the spine and AI, within 25 mm of the line TS-AI; the superior angle is above TS."""
+    """Check ends between the root of the spine and AI, within 25 mm of TS-AI; the superior angle is above TS."""
     model = load_model(name)
     lines = muscle_lines(model)
     TS, AI = np.asarray(model.girdle.ts_mm), np.asarray(model.girdle.ai_mm)
@@ -191,7 +194,7 @@ def test_there_are_all_muscles_of_the_girdle_and_of_the_humerus():
 
 
 def kinds_of_numbers() -> set[str]:
-    """Keys of all numbers, without the names of muscles and lines."""
+    """List the keys of all numbers, without the names of muscles and lines."""
     assert set(DOCUMENT) == {"name", "source", "cadaver", "das3", "glenoid", "contour", "muscle"}
     keys = {f"{part}.{name}" for part in ("cadaver", "das3", "glenoid") for name in DOCUMENT[part]}
     keys |= {f"contour.{name}" for contour in DOCUMENT["contour"].values() for name in contour}

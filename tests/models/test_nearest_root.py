@@ -1,4 +1,4 @@
-"""The nearest root in a window: of polynomials whose roots are given, with and without one."""
+"""The nearest root in a window: polynomials with given roots, in and outside the window."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,13 +10,14 @@ EXACT = 1e-13
 """Roots are of order 1 and exact to rounding."""
 
 DOUBLE = 1e-7
-"""Where two roots 2e-4 apart, the slope is 2e-4: rounding of the value, 1e-16, over it, squared away at worst."""
+"""Tolerance where two roots are 2e-4 apart and the slope is 2e-4: rounding of the value, 1e-16, over the slope, with
+its square root at worst."""
 
 WINDOW, SAMPLES = 1.0, 21
 
 
 def product(place, roots):
-    """Value and slope of (x - r1)(x - r2)..., roots (count, *batch)."""
+    """Compute value and slope of (x - r1)(x - r2)..., roots (count, *batch)."""
     value, slope = jnp.ones_like(place), jnp.zeros_like(place)
     for root in roots:
         value, slope = value * (place - root), slope * (place - root) + value

@@ -1,4 +1,4 @@
-"""What is written for OpenSim, opened in OpenSim."""
+"""Files written for OpenSim, opened in OpenSim."""
 
 import json
 import subprocess
@@ -23,12 +23,12 @@ from motions.rhythm_subjects import DATA_FILE
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the package opensim is not installed")
 
 ASSEMBLED_MM = 1e-3
-"""OpenSim's assembly ends at 1e-10 of its own error measure; below a micrometre a bone is where it should be."""
+"""Tolerance: OpenSim's assembly ends at 1e-10 of its own error measure; a bone within a micrometre is in place."""
 
 IN_OPENSIM = Path(__file__).parents[1] / "helpers" / "in_opensim.py"
 
 TURNED_DEG = 8.0
-"""Away from rest, and well within what every set's clavicle can take."""
+"""Protraction away from rest, well within the range of every set's clavicle."""
 
 
 OWN_BONES = "R2 with bones of its own"
@@ -38,7 +38,7 @@ OWN_SIZES = {
     "clavicle_length_percent": 5.0,
     "scapula_size_percent": -6.0,
 }
-"""AC is off the axis of the clavicle."""
+"""Sizes with AC off the axis of the clavicle."""
 
 
 def parameter_set(name: str) -> ParameterSet:
@@ -55,14 +55,14 @@ def in_opensim(*arguments: object) -> dict[str, Any]:
 
 
 def here_mm(place_m) -> np.ndarray:
-    """A place of OpenSim's in the axes of the thorax frame."""
+    """Transform a position from OpenSim to mm in the axes of the thorax frame."""
     return 1000.0 * Q.T @ np.array(place_m)
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, TURNED_DEG], ids=["rest", "turned"])
 @pytest.mark.parametrize("name", [*model_names(), OWN_BONES])
 def test_opensim_opens_the_model_and_closes_its_chain(name, turned_deg, tmp_path):
-    """SC and AC are where our clavicle of the same angles has them; the scapula has our size, the conoid its length."""
+    """Check SC and AC against our clavicle at the same angles, the scapula's size, and the conoid's length."""
     ours = parameter_set(name).girdle
     path = tmp_path / f"{name}.osim"
     path.write_text(opensim_model(parameter_set(name)), encoding="utf-8")
@@ -80,7 +80,7 @@ def test_opensim_opens_the_model_and_closes_its_chain(name, turned_deg, tmp_path
 
 
 def test_opensim_reads_the_motions(tmp_path):
-    """The angles of the first subject's first motion, as OpenSim's own table reader has them."""
+    """Check the angles of the first subject's first motion, as OpenSim's table reader returns them."""
     assert girdle("convert", DATA_FILE, tmp_path / "motions").status == 0
     motions = read_motions(DATA_FILE)
     path = sorted((tmp_path / "motions").glob("*.mot"))[0]

@@ -1,4 +1,4 @@
-"""An effect of somebody's own that is of no use is refused, with what is wrong in one line."""
+"""Refusal of unusable user-defined effects, with the reason in one line."""
 
 from dataclasses import replace
 
@@ -14,12 +14,12 @@ MODEL = load_model("R2")
 
 
 def shorter_conoid(girdle, rotations, percent):
-    """A conoid shorter by a share."""
+    """Shorten the conoid by a percentage."""
     return replace(girdle, conoid_length_mm=girdle.conoid_length_mm * (1.0 - percent[0] / 100.0)), rotations
 
 
 def effect(adjust) -> Effect:
-    """One of this adjust, otherwise sound."""
+    """Return an effect with this ``adjust``, otherwise sound."""
     return Effect("own", "an example", "%", ("of the length",), adjust, EffectPrior((10.0,), source="assumed, a test"))
 
 

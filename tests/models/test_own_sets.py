@@ -1,4 +1,4 @@
-"""A parameter set of the user's own: what a file holds, and what it is refused for."""
+"""Parameter sets from files of the user: their content, and the reasons for which they are refused."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ conoid_length_mm = 18.3
 
 
 def own(folder: Path, old: str = "", new: str = "", tail: str = "") -> Path:
-    """A file of the user's own, with one thing changed."""
+    """Write a user's file with one change."""
     assert old in OWN
     path = folder / "own.toml"
     path.write_text(OWN.replace(old, new, 1) + tail, encoding="utf-8")
@@ -315,7 +315,7 @@ def test_what_is_refused_of_the_optional_sections(tmp_path, tail, cause, remedy)
 
 
 def test_a_joint_off_the_axis_of_the_clavicle(tmp_path):
-    """Of a person's own bones: AC in the measured frame."""
+    """Check AC in the measured frame, as of a person with own bones."""
     lengthy = "length_mm = 158.0253\nac_mm = [157.9, 4.0, -5.0]"
     girdle = load_model(own(tmp_path, "length_mm = 158", lengthy)).girdle
     np.testing.assert_array_equal(girdle.ac_mm, [157.9, 4.0, -5.0])

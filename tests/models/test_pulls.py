@@ -1,4 +1,4 @@
-"""Moment arms: slopes of the lengths, by angle, about the joints and in the chain's free directions."""
+"""Moment arms as derivatives of the lengths: by angle, about the joints, and in the free directions of the chain."""
 
 from functools import cache
 
@@ -28,15 +28,15 @@ from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_vector
 
 SLOPE = 1e-5
-"""The bar: arms are tens of mm, and the differences exact to 1e-6."""
+"""Tolerance: arms are tens of mm, and the differences exact to 1e-6."""
 
 SETS = ("R2", "R4", "R6")
-"""Those that are closed at rest."""
+"""Sets that are closed at rest."""
 
 
 @cache
 def postures(name: str):
-    """Closed postures about rest, and their free coordinates."""
+    """Return closed postures about rest, and their free coordinates."""
     model = load_model(name)
     rest = np.asarray(free_coordinates_mm(model.girdle, REST_DEG / DEG))
     offsets = np.array([[0.0, 6.0, -5.0, 3.0, 8.0], [0.0, -4.0, 3.0, 6.0, -7.0], [0.0, 3.0, -2.0, 4.0, 2.0]])
@@ -47,19 +47,19 @@ def postures(name: str):
 
 
 def driven(model, coordinates, start) -> np.ndarray:
-    """The angles at free coordinates, in an array of any shape, near others."""
+    """Return the angles at free coordinates, in an array of any shape, near a start."""
     asked, near = coordinates.reshape(3, -1), np.broadcast_to(start, (6, *coordinates.shape[1:])).reshape(6, -1)
     return drive_each(model.girdle.repeated(asked.shape[1]), asked, near).angles.reshape(6, *coordinates.shape[1:])
 
 
 def lengths_at(model, lines, q, humerus=None) -> np.ndarray:
-    """The lengths in postures in an array of any shape, all at once: each call costs as much as one of 64."""
+    """Compute the lengths in an array of postures at once: each call costs as much as 64 postures."""
     held = None if humerus is None else humerus.reshape(3, -1)
     return pulls(lines, model.girdle, q.reshape(6, -1), held).length_mm.reshape(-1, *q.shape[1:])
 
 
 def beside(x: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """x moved by each step in each of its components: (component, step, moved component, posture)."""
+    """Add each step to each component of x: (component, step, moved component, posture)."""
     return x[:, None, None] + steps[:, None, None] * np.eye(len(x))[:, None, :, None]
 
 
@@ -112,7 +112,7 @@ def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
 
 
 def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
-    """R2: wrapped lines with attachments on the surface and inside, and straight ones."""
+    """Check R2: wrapped lines with attachments on the surface and inside, and straight lines."""
     model = load_model("R2")
     lines, q = muscle_lines(model), jnp.asarray(REST_DEG / DEG)
 
@@ -136,11 +136,12 @@ def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
 
 
 def test_the_points_of_the_lines_go_from_end_to_end_as_far_as_the_lines_are_long(monkeypatch):
-    """Round the ellipsoid by chords of a 200th of the contact; the end inside is its closest point of the surface."""
+    """Check points round the ellipsoid, chords of a 200th of the contact; an end inside goes to its closest surface
+    point."""
     model, q, _ = postures("R2")
     lines = muscle_lines(model)
     found = pulls(lines, model.girdle, q)
-    monkeypatch.setattr("models.muscles.pulls._BLOCK", q.shape[1])  # of 64, most would be copies
+    monkeypatch.setattr("models.muscles.pulls._BLOCK", q.shape[1])  # with 64, most would be copies
     points = line_points_mm(lines, model.girdle, q, 201)
     along = np.linalg.norm(np.diff(points, axis=0), axis=1).sum(axis=0)
     np.testing.assert_allclose(along, found.length_mm, rtol=1e-5)
@@ -178,7 +179,7 @@ def test_a_pull_is_a_unit_force_but_for_attachments_inside():
 
 
 def test_contact_pushes_outward_and_the_conoid_pulls_to_the_clavicle():
-    """Slopes of A1-A3 themselves: along its force each grows by 1 (TS, AI) or shrinks by 1 (conoid)."""
+    """Check directions by slopes of A1-A3: along its force each grows by 1 (TS, AI) or shrinks by 1 (conoid)."""
     model, q, _ = postures("R6")
     forces = contact_forces(model.girdle.repeated(q.shape[1]), q)
     np.testing.assert_allclose(np.linalg.norm(forces.direction, axis=0), 1.0, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Shortest paths round a sphere and a cylinder: by hand, the geodesics of the ellipsoid, OpenSim, slopes, lift-off."""
+"""Shortest paths round a sphere and a cylinder: by hand, by ellipsoids, by OpenSim; derivatives, lift-off."""
 
 import json
 import subprocess
@@ -28,14 +28,14 @@ RADIUS = np.array([20.0])
 ROUNDING = 1e-9
 
 SLOPE = 1e-6
-"""Central differences over 2e-3 mm."""
+"""Tolerance for central differences over 2e-3 mm."""
 
 OPENSIM_MM = 1.0
-"""The bar of the project; OpenSim's paths round spheres and cylinders are closed forms too, and agree to 0.01 mm."""
+"""Tolerance of the project; OpenSim's paths round spheres and cylinders are closed forms too, and agree to 0.01 mm."""
 
 
 def outside(count: int, seed: int, nearest: float = 1.001) -> tuple[np.ndarray, np.ndarray]:
-    """Two points each, at ``nearest`` to 1.8 radii from the z-axis, less than 150 degrees apart about it."""
+    """Draw pairs of points, at ``nearest`` to 1.8 radii from the z-axis, less than 150 degrees apart about it."""
     generator = np.random.default_rng(seed)
     angle = np.stack([generator.uniform(-np.pi, np.pi, count), np.zeros(count)])
     angle[1] = angle[0] + generator.uniform(-1.0, 1.0, count) * np.radians(150.0)
@@ -46,7 +46,10 @@ def outside(count: int, seed: int, nearest: float = 1.001) -> tuple[np.ndarray, 
 
 
 def test_over_the_top_of_a_ball():
-    """From and to 2 r on both sides, at the level of the centre: tangents of sqrt(3) r, and a third of half a turn."""
+    """Check paths between points at 2 r from the centre, in one plane through it.
+
+    Opposite points have two tangents of sqrt(3) r, and an arc of a third of half a turn.
+    """
     p, q = np.array([[-40.0], [0.0], [0.0]]), np.array([[40.0 * np.cos(2.0)], [40.0 * np.sin(2.0)], [0.0]])
     expected = 2.0 * np.sqrt(3.0) * 20.0 + 20.0 * (np.pi - 2.0 - 2.0 * np.arccos(0.5))
     if np.pi - 2.0 <= 2.0 * np.arccos(0.5):
@@ -59,7 +62,7 @@ def test_over_the_top_of_a_ball():
 
 
 def test_a_helix_is_a_straight_line_on_the_unrolled_cylinder():
-    """On the surface, a quarter of a turn and 30 mm along: the diagonal of 10 pi by 30 mm."""
+    """Points on the surface, a quarter of a turn and 30 mm apart: the diagonal of 10 pi by 30 mm."""
     p, q = np.array([[20.0], [0.0], [0.0]]), np.array([[0.0], [20.0], [30.0]])
     expected = np.hypot(10.0 * np.pi, 30.0)
     np.testing.assert_allclose(round_length_mm(p, q, SHAFT, RADIUS), expected, atol=ROUNDING)
@@ -73,7 +76,8 @@ def test_a_ball_is_an_ellipsoid_of_three_equal_axes():
 
 
 def test_a_cylinder_is_a_very_long_ellipsoid():
-    """Of semi-axes 20, 20 and 1000 mm (its search ends at 50 to 1), near the middle: thinner by 10 (z / 1000)^2 mm."""
+    """Check semi-axes of 20, 20 and 1000 mm (the search ends at 50 to 1): near the middle thinner by 10 (z / 1000)^2
+    mm."""
     p, q = outside(64, 2)
     p[2], q[2] = 0.1 * p[2], 0.1 * q[2]
     geodesic = few_runs(path_length_mm)(p, q, np.array([[20.0], [20.0], [1000.0]]) * np.ones(64))
@@ -82,7 +86,7 @@ def test_a_cylinder_is_a_very_long_ellipsoid():
 
 @pytest.mark.parametrize("axis", [SPHERE, SHAFT], ids=["sphere", "cylinder"])
 def test_slopes_and_bends_are_those_of_the_length(axis):
-    p, q = outside(60, 3, 1.05)  # on the surface the bend of a move off it has no bound
+    p, q = outside(60, 3, 1.05)  # on the surface, the second derivative off it is unbounded
 
     def length(p):
         return round_length_mm(p, q, axis, RADIUS)
@@ -90,7 +94,7 @@ def test_slopes_and_bends_are_those_of_the_length(axis):
     def slope(p):
         return jax.grad(lambda p: length(p).sum())(p)
 
-    far = np.abs(np.asarray(length(p)) - np.linalg.norm(p - q, axis=0)) > 1e-3  # lift-off has a step in the bend
+    far = np.abs(np.asarray(length(p)) - np.linalg.norm(p - q, axis=0)) > 1e-3  # at lift-off the bend has a step
     assert far.sum() > 10
     h = 1e-3
     for k in range(3):
@@ -146,11 +150,11 @@ def test_a_point_inside_counts_as_its_closest_point_of_the_surface():
 
 
 ARMS_DEG = np.array([[0.0, 0.0, 30.0, 90.0, 0.0], [0.0, 90.0, 60.0, 120.0, 45.0], [0.0, 0.0, -30.0, -90.0, -45.0]])
-"""Hanging, abduction, in the plane of the scapula, flexion, abduction turned outward: p, e, q."""
+"""Angles p, e, q: hanging, abduction, in the plane of the scapula, flexion, abduction with outward rotation."""
 
 
 def arms(name: str):
-    """The lines of the humerus in these postures of the arm, with the girdle at rest."""
+    """Return the set's lines in these postures of the arm, with the girdle at rest."""
     model = load_model(name)
     lines, count = muscle_lines(model), ARMS_DEG.shape[1]
     angles = np.repeat((REST_DEG / DEG)[:, None], count, axis=1)
@@ -158,8 +162,11 @@ def arms(name: str):
 
 
 def problems_on_the_humerus(name: str, turned: np.ndarray) -> tuple[list, list[tuple[int, int]], np.ndarray]:
-    """Every line with a contour on the humerus whose ends lie outside it: what OpenSim is asked, which line and
-    posture each is, and our lengths. ``turned``: added to the three angles of the arm, rad."""
+    """Return problems for OpenSim, the line and posture of each, and our lengths.
+
+    The problems are all lines with a contour on the humerus whose ends lie outside it. ``turned`` is added to the three
+    angles of the arm, rad.
+    """
     model, lines, angles, humerus = arms(name)
     humerus = humerus + turned
     found = pulls(lines, model.girdle, angles, humerus)
@@ -183,7 +190,7 @@ def problems_on_the_humerus(name: str, turned: np.ndarray) -> tuple[list, list[t
 
 
 def opensim_mm(problems: list, folder: Path) -> np.ndarray:
-    """OpenSim's lengths."""
+    """Compute OpenSim's lengths."""
     file = folder / "problems.json"
     file.write_text(json.dumps(problems))
     helper = Path(__file__).parents[1] / "helpers" / "wrapped_in_opensim.py"
@@ -196,9 +203,10 @@ without_opensim = pytest.mark.skipif(sys.version_info >= (3, 14), reason="opensi
 
 @without_opensim
 def test_opensim_goes_round_head_and_shaft_as_long(tmp_path: Path):
-    """Every line with a contour on the humerus of two sets, five postures of the arm.
+    """Check every line with a contour on the humerus, for two sets and five postures of the arm.
 
-    OpenSim goes straight from a point inside; of such there is one line, whose origin is next to the head."""
+    OpenSim goes straight from a point inside; one line has such a point: its origin is next to the head.
+    """
     parts = [problems_on_the_humerus(name, np.zeros((3, 1))) for name in ("R2", "breteler_dissection")]
     theirs = opensim_mm([problem for problems, _, _ in parts for problem in problems], tmp_path)
     assert len(theirs) > 2 * 5 * 57 - 1
@@ -207,9 +215,10 @@ def test_opensim_goes_round_head_and_shaft_as_long(tmp_path: Path):
 
 @without_opensim
 def test_arms_about_gh_are_those_of_opensims_paths(tmp_path: Path):
-    """-dL/dphi of OpenSim's lengths, the arm turned by 0.01 rad either way, against ours, in every angle of the arm.
+    """Check our arms against -dL/dphi of OpenSim's lengths, with each angle of the arm changed by 0.01 rad either way.
 
-    Every seventh line and posture: OpenSim takes a tenth of a second for each."""
+    Only every seventh line and posture is checked: OpenSim takes a tenth of a second for each.
+    """
     model, lines, angles, humerus = arms("R2")
     found, h = pulls(lines, model.girdle, angles, humerus), 0.01
     for k in range(3):
@@ -224,7 +233,7 @@ def test_arms_about_gh_are_those_of_opensims_paths(tmp_path: Path):
 
 
 def to_z(axis: np.ndarray) -> np.ndarray:
-    """A rotation that brings the axis of a cylinder to z; none of a sphere, whose axis is 0."""
+    """Return a rotation of a cylinder's axis to z; for a sphere, whose axis is 0, the identity."""
     if not axis.any():
         return np.eye(3)
     z = axis / np.linalg.norm(axis)
@@ -247,7 +256,7 @@ def test_arms_about_gh_are_slopes_for_small_turns_of_the_humerus(name):
 
 
 def euler_axis(humerus: np.ndarray, k: int) -> np.ndarray:
-    """The axis, thorax frame, about which the k-th of R = Ry(p) Rz(e) Ry(q) turns."""
+    """Return the axis, thorax frame, of the k-th rotation of R = Ry(p) Rz(e) Ry(q)."""
     p, e, _ = humerus
     zero, one = np.zeros_like(p), np.ones_like(p)
     y = np.stack([zero, one, zero])
@@ -264,7 +273,7 @@ def test_lines_of_the_girdle_do_not_know_of_the_arm():
 
 
 def test_small_shapes_share_a_program():
-    """Any shape of batch gives the same lengths."""
+    """Check that a batch of any shape gives the same lengths."""
     p, q = outside(30, 6)
     length = few_runs(partial(round_length_mm, radius_mm=jnp.asarray(20.0)))
     shaped = length(p.reshape(3, 5, 6), q.reshape(3, 5, 6), SHAFT[..., None])

@@ -1,4 +1,4 @@
-"""The numbers of a parameter set as effects: which of them a set doubts, and by how much."""
+"""The numbers of a parameter set as effects: the numbers that a set doubts, and their ranges."""
 
 import re
 
@@ -18,7 +18,7 @@ OF_R2 = {
     "ts_distance_offset": 10.0,
     "ai_distance_offset": 10.0,
 }
-"""The ranges that its sources state."""
+"""Ranges that the sources of R2 state."""
 
 
 def test_the_thesis_set_doubts_what_it_assumes_and_derives():
@@ -31,7 +31,7 @@ def test_the_thesis_set_doubts_what_it_assumes_and_derives():
 
 
 def test_what_was_published_is_not_doubted():
-    """DAS3's SC; its other numbers were brought into another frame."""
+    """Check DAS3, whose SC was published; its other numbers were transformed to another frame."""
     assert set(doubtful_numbers(load_model("das3"))) == set(OF_R2) - {"sc_offset"}
 
 

@@ -1,4 +1,4 @@
-"""The parameter sets that are shipped: where their numbers come from, and that they fit together."""
+"""The shipped parameter sets: the sources of their numbers, and the consistency of the numbers."""
 
 import re
 import tomllib
@@ -33,37 +33,37 @@ from scripts.completion import (
 )
 
 CLOSED_MM = 1e-6
-"""The numbers of the files have six decimals: they close the chain to one unit of the last."""
+"""Tolerance: the numbers of the files have six decimals, and close the chain to one unit of the last."""
 
 PRINTED_MM = 1e-9
-"""The decimals of the thorax points, the finest numbers of the files."""
+"""Decimals of the thorax points, the finest numbers of the files."""
 
 ON_THE_ELLIPSOID = 1e-9
-"""Of sum (x_i / a_i)^2 - 1: half a unit of the points' last decimal, 5e-10 mm, times 2 / a, with room."""
+"""Tolerance of sum (x_i / a_i)^2 - 1: half a unit of the points' last decimal, 5e-10 mm, times 2 / a, with room."""
 
 _DISTANCES = ("ts_distance_mm", "ai_distance_mm")
 
 COMPLETED = {completed.name: completed for completed in completed_sets()}
 THESIS_SETS = ("R2", "R4", "R6")
 CLOSED_AT_REST = (*THESIS_SETS, "breteler_dissection")
-"""In the MRI the conoid is slack, and the numbers of DAS3 close to 2 mm."""
+"""Sets closed at rest: in the MRI set the conoid is slack, and the numbers of DAS3 close to 2 mm."""
 
 DAS3_SC, DSEM_SC, DSEM_AC, DSEM_AA = (
     np.array(published_lines()["das3"][f"{name}_mm"]) for name in ("joint_sc", "sc", "ac", "aa")
 )
 
 DAS3_ACROMION = np.array([207.7, -0.1, 28.2])
-"""Where DAS3 hangs its scapula, in its clavicle frame: not AC but AA, the origin of its scapula frame."""
+"""Point where DAS3 attaches its scapula, in its clavicle frame: not AC but AA, the origin of its scapula frame."""
 
 DAS3_OPEN_MM = 2.0
-"""Of A1-A3 with DAS3's numbers where its cadaver was measured: two palpated points, 1.4 mm each (thesis 5.2)."""
+"""Tolerance of A1-A3 with DAS3's numbers in the measured posture of its cadaver: two points of 1.4 mm (thesis 5.2)."""
 
 ROUNDED_DEG = 0.005
-"""Half the last digit of a rest posture that was searched for."""
+"""Half the last digit of a rest posture that was found by search."""
 
 
 def numbers_of(tree: dict[str, Any]) -> dict[str, Any]:
-    """section.key -> value, without name and source."""
+    """Return a dictionary from section.key to value, without name and source."""
     return {
         f"{section}.{key}": value
         for section, table in tree.items()
@@ -178,7 +178,7 @@ def test_the_scapula_frame_of_a_scapula_in_its_own_frame_is_the_identity():
 
 
 def test_das3_hangs_its_scapula_at_aa():
-    """Its clavicle frame is along SC-AC and does not go through its own "AC": that is AA, to the printed 0.1 mm."""
+    """Check that DAS3's "AC" is AA, to the printed 0.1 mm: its clavicle frame is along SC-AC, off this point."""
     R_thorax_clavicle = clavicle_frame(DSEM_SC, DSEM_AC, np.array([0.0, 1.0, 0.0]))
     np.testing.assert_allclose(DAS3_SC + R_thorax_clavicle @ DAS3_ACROMION, DSEM_AA, rtol=0.0, atol=0.1)
 
@@ -191,7 +191,7 @@ def test_das3s_attachments_are_a_conoid_apart_from_the_ac_joint_and_not_from_aa(
 
 
 def test_das3_closes_where_its_cadaver_was_measured():
-    """In the frames of Appendix A: two contact points on the ellipsoid, and the conoid."""
+    """Check two contact points on the ellipsoid, and the conoid, in the frames of Appendix A."""
     residuals = constraint_residuals_mm(load_model("das3").girdle, jnp.asarray(COMPLETED["das3"].rest_deg) / DEG)
     np.testing.assert_allclose(residuals, 0.0, rtol=0.0, atol=DAS3_OPEN_MM)
     off = ", ".join(f"{x:+.1f}" for x in residuals)
@@ -207,7 +207,7 @@ def test_the_conoid_is_slack_in_the_mri():
 
 
 def test_both_sets_of_one_cadaver_have_the_same_attachments():
-    """Over the lengths of its clavicle and its scapular spine, which differ by the measurement."""
+    """Check attachments relative to the lengths of clavicle and scapular spine, which differ by measurement."""
     one, other = (load_model(name).girdle for name in ("breteler_dissection", "breteler_mri"))
     for attachment, length in (("clavicle_conoid_mm", "ac_mm"), ("scapula_conoid_mm", "ts_mm")):
         shares = [np.asarray(getattr(g, attachment)) / np.linalg.norm(getattr(g, length)) for g in (one, other)]
@@ -237,7 +237,7 @@ def test_a_set_that_rests_outside_in_the_mean_posture_rests_there():
 
 @pytest.mark.parametrize("name", THESIS_SETS)
 def test_no_posture_nearby_keeps_the_distances_and_is_closer_to_the_mean_one(name):
-    """Random postures around the one found, one in many of which has TS and AI far enough off."""
+    """Check random postures around the found one, many of which have TS and AI far enough outside."""
     least = 15.0
     girdle = COMPLETED[name].girdle
     found = own_rest_deg(girdle, (least, least))
@@ -249,7 +249,7 @@ def test_no_posture_nearby_keeps_the_distances_and_is_closer_to_the_mean_one(nam
 
 
 def test_a_rule_moves_what_it_says():
-    """Turned forward by 90 deg at rest, the conoid points forward (-z) where the clavicle's axis is level."""
+    """Check a conoid turned forward by 90 deg at rest: it points forward (-z) if the clavicle's axis is level."""
     turned = table_sets(Rule(least_mm=None, forward_deg=90.0))[0]
     moved = table_sets(Rule(sc_mm=(30.3, -8.2, 12.4), least_mm=None))[0]
     at = landmarks(turned.girdle, jnp.asarray(turned.rest_deg) / DEG)

@@ -1,4 +1,4 @@
-"""The prior of every effect that varies is as large on measured postures as the literature says, by code of its own."""
+"""Size of every varying effect under its prior, on measured postures, against the literature, by independent code."""
 
 from pathlib import Path
 
@@ -21,12 +21,12 @@ RMS = {
     "skin_artefact": 4.5,  # deg: Cereatti 2017 5.3, others 2.8
     "clavicle_axial_estimate": 5.0,  # deg: 2.9-7.1
 }
-"""Of the whole vector beyond a constant of each subject; the conversions are in the sources of the effects."""
+"""Root mean square of the whole vector beyond a constant of each subject; conversions: see the effects' sources."""
 
 DRAWS = 4000
 
 WITHIN = 0.1
-"""Of a root mean square of 4000 draws of a few normal numbers: 1-2 %; the rest is left to rounded figures."""
+"""Relative tolerance: 4000 draws of a few normal numbers have an error of 1-2 %; the rest is for rounded figures."""
 
 HANGING_DEG = {"clavicle_y": -28.57, "clavicle_z": 11.68, "scapula_y": 32.05, "scapula_z": 10.67, "scapula_x": -10.32}
 
@@ -50,14 +50,14 @@ def over_elevation(table: pd.DataFrame, late: bool) -> np.ndarray:
 
 
 def lag(table: pd.DataFrame) -> np.ndarray:
-    """Of each subject along one direction, so that its length beyond a constant is that of the lag."""
+    """Return the lag along one direction of each subject; its length beyond a constant is then that of the lag."""
     elevation = table["humerus_elevation_deg"].fillna(0.0)
     sideways = table["motion"].str.lower().str.contains("frontal|abduction")
     return np.where(sideways, np.interp(elevation, *ABDUCTION), np.interp(elevation, *FLEXION))[None]
 
 
 def terms(name: str, table: pd.DataFrame) -> np.ndarray:
-    """What the amplitudes of one direction multiply, (terms, postures), the same for all directions."""
+    """Return the terms (terms, postures) that the amplitudes of one direction multiply, the same for all directions."""
     if name == "skin_artefact":
         return lag(table)
     if name.endswith(":posture"):
@@ -81,7 +81,7 @@ def test_an_effect_drawn_from_its_prior_is_as_large_as_the_literature_says(name,
 
 
 def test_postures_that_hardly_differ_do_not_make_an_effect_large():
-    """Elevation within a degree, over which nobody measured a joint that moves by 2 mm."""
+    """Check elevations within a degree, over which no measured joint moves by 2 mm."""
     every = read_motions("motions/data/simulated_subjects.csv")
     high = every.select(every.humerus_elevation_deg == every.humerus_elevation_deg.max())
     mean, sd = EFFECTS["ac_translation"].amplitude_prior(high)

@@ -1,4 +1,4 @@
-"""The skin's lag: how far, and along which way, by SciPy."""
+"""The skin's lag: its size and its direction, against SciPy."""
 
 import numpy as np
 import pandas as pd
@@ -11,10 +11,10 @@ from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
 
 ROUNDING = 1e-12
-"""Of interpolated lags of some 10 degrees: 1e-14."""
+"""Rounding of interpolated lags of some 10 degrees is 1e-14."""
 
 UNIT = 1e-9
-"""Of a unit vector that was made twice."""
+"""Tolerance for a unit vector that is normalised twice."""
 
 
 def close(found, expected, tolerance: float) -> None:
@@ -22,7 +22,7 @@ def close(found, expected, tolerance: float) -> None:
 
 
 def raised(elevation_deg, angles_deg, motion="flexion", subject="one") -> Motions:
-    """Postures of one motion, by elevation and (postures, 6) angles."""
+    """Make postures of one motion from elevations and (postures, 6) angles."""
     count = len(elevation_deg)
     return Motions(
         subject=np.array([subject] * count),
@@ -53,7 +53,7 @@ AXIS = np.array([0.3, -0.4, 0.8]) / np.linalg.norm([0.3, -0.4, 0.8])
 
 
 def about_one_axis(axis, subject="one") -> Motions:
-    """Measured angles of a scapula that turns about one axis of its own, from a posture of its own."""
+    """Make measured angles of a scapula that turns about one axis in its own frame."""
     first = Rotation.from_euler("YZX", [35.0, 5.0, -12.0], degrees=True)
     turned = first * Rotation.from_rotvec(np.outer(ELEVATIONS_DEG / 5.0, axis), degrees=True)
     angles = np.hstack([np.zeros((15, 3)), turned.as_euler("YZX", degrees=True)])
@@ -62,7 +62,7 @@ def about_one_axis(axis, subject="one") -> Motions:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_skin_stays_behind_on_the_way_that_the_scapula_turns(sign):
-    """Pointing to lateral rotation, whichever way it turned; R_true = R_measured exp(lag along that axis)."""
+    """Check that the direction is that of lateral rotation, and R_true = R_measured exp(lag along this axis)."""
     motions = about_one_axis(sign * AXIS)
     lag = measured_lag_deg(motions)
     close(own_way(motions, lag), np.repeat(AXIS[:, None], 15, axis=1), 1e-8)
@@ -79,21 +79,21 @@ REPORTED = {
 
 @pytest.mark.parametrize("name", REPORTED)
 def test_a_lag_of_every_reported_course_is_nearly_one_of_any_way(name):
-    """Of 12 deg at the end: to a tenth of its variance, with terms that the prior holds for possible."""
+    """Check reported courses of 12 deg at the end: the terms explain nine tenths, with plausible amplitudes."""
     motions = about_one_axis(AXIS)
     lag = 12.0 * REPORTED[name](ELEVATIONS_DEG) / REPORTED[name](140.0)
     effect = EFFECTS["skin_artefact:elevation"]
     columns = effect.columns(motions)[:3, 0].T
     _, sd = effect.amplitude_prior(motions)
     sd = sd[6:]  # about z
-    A = np.vstack([columns, np.diag(0.5 / sd)])  # to half a degree, with the prior
+    A = np.vstack([columns, np.diag(0.5 / sd)])  # rows to half a degree, and the prior
     amplitude = np.linalg.lstsq(A, np.append(lag, np.zeros(3)))[0]
     assert np.mean((lag - columns @ amplitude) ** 2) < 0.1 * lag.var()
     assert np.sum((amplitude / sd) ** 2) < 11.3  # chi-square of 3, 1 %
 
 
 def test_the_way_is_a_fixed_point_and_every_subjects_own():
-    """u is parallel to the mean of log(R_0' R exp(lag u)) over the high postures, by SciPy."""
+    """Check by SciPy that u is parallel to the mean of log(R_0' R exp(lag u)) over the high postures."""
     published = simulate_subjects(3, seed=11)
     motions = Motions.concatenate([published, about_one_axis(AXIS, "other")])
     lag = measured_lag_deg(motions)

@@ -1,4 +1,4 @@
-"""Shortest paths round an ellipsoid: a sphere by hand, a minimised polygon, OpenSim, slopes, and lift-off."""
+"""Shortest paths round an ellipsoid: a sphere by hand, a minimised polygon, OpenSim, derivatives, and lift-off."""
 
 import json
 import subprocess
@@ -23,51 +23,51 @@ from motions.rotations import DEG, rotate, rotation_from_cardan
 R2, BRETELER = np.array([153.0, 404.0, 130.0]), np.array([139.1, 198.2, 85.4])
 
 GREAT_CIRCLE_MM = 1e-6
-"""128 Runge-Kutta steps along up to half a great circle of 100 mm are exact to 2e-7 mm."""
+"""Tolerance: 128 Runge-Kutta steps along up to half a great circle of 100 mm are exact to 2e-7 mm."""
 
 SLOPE = 1e-6
-"""Central differences over 2e-3 mm of lengths that are exact to 1e-8 mm, mm a mm; 4e-6 next to opposite points."""
+"""Tolerance in mm per mm: differences over 2e-3 mm of lengths exact to 1e-8 mm; 4e-6 next to opposite points."""
 
 BEND = 1e-6
-"""Central differences over 2e-3 mm of slopes; a wrong bend is off by 1e-3, that of a straight line instead."""
+"""Tolerance for central differences of slopes over 2e-3 mm. The second derivative of a straight line, in place of that
+of the path, would be off by 1e-3."""
 
 POLYGON_MM = 0.1
-"""The chords of a polygon of 80 corners cut through the ellipsoid: here by up to 0.06 mm together, as corners bunch up.
-"""
+"""Tolerance: chords of a polygon of 80 corners cut through the ellipsoid, by up to 0.06 mm, as corners bunch up."""
 
 OPENSIM_MM = 1.0
-"""OpenSim's wrap is a fan of points in one plane, not a geodesic: a little longer."""
+"""Tolerance: OpenSim's wrap is a fan of points in one plane, not a geodesic, and a little longer."""
 
 OPENSIM_SHORTER_MM = 0.05
-"""By its chords."""
+"""OpenSim's path may be shorter by its chords."""
 
 OPENSIM_EXCEPTIONS = {"R6, serr_ant_11": 11.0}
-"""Lines of which OpenSim's plane is far from the geodesic, mm by which its path is longer."""
+"""Lines for which OpenSim's plane is far from the geodesic, with the excess of its path in mm."""
 
 
 def around(count: int, axes, seed: int, furthest: float = 1.4):
-    """Points outside, by direction and share of the axes."""
+    """Draw points outside the ellipsoid: random directions, up to ``furthest`` times the axes."""
     generator = np.random.default_rng(seed)
     direction = generator.standard_normal((3, count))
     return direction / np.linalg.norm(direction, axis=0) * axes[:, None] * generator.uniform(1.0, furthest, count)
 
 
 def apart(p, q, axes, most_deg: float = 130.0):
-    """Which pairs are not nearly opposite, where two paths are about as short."""
+    """Select pairs that are not nearly opposite, where two paths are almost equally short."""
     cosine = ((p / axes[:, None]) * (q / axes[:, None])).sum(axis=0)
     cosine /= np.linalg.norm(p / axes[:, None], axis=0) * np.linalg.norm(q / axes[:, None], axis=0)
     return np.degrees(np.arccos(cosine)) < most_deg
 
 
 SIDE_BY_SIDE = 64
-"""Paths in one program: it is compiled once for all tests but that of shapes, which takes the project's own."""
+"""Number of paths per program, compiled once for all tests except that of shapes, which uses the project's program."""
 
 FEW = 90
-"""Pairs of points of which those that are not nearly opposite fill one such program."""
+"""Number of pairs of points, of which those not nearly opposite fill one such program."""
 
 
 def side_by_side(function):
-    """A program of (3, paths) ends and axes, filled with copies of the last."""
+    """Compile a function of (3, paths) ends and axes, padded with copies of the last path."""
     program = few_runs(function)
 
     def run(p, q, axes):
@@ -84,13 +84,13 @@ paths = side_by_side(shortest_path)
 
 
 def total_mm(p, q, axes):
-    """The sum of the lengths, and each."""
+    """Return the sum of the lengths, and each length."""
     each = path_length_mm(p, q, axes)
     return each.sum(), each
 
 
 slopes_of_length = side_by_side(jax.grad(total_mm, argnums=(0, 1, 2), has_aux=True))
-"""The slopes in both ends and the axes, and the lengths."""
+"""Derivatives in both ends and the axes, and the lengths."""
 
 
 def test_on_a_sphere_the_path_is_two_tangents_and_a_great_circle():
@@ -132,7 +132,7 @@ def test_the_slope_of_the_length_is_that_of_differences(axes):
 
 
 def bends(p, q, axes):
-    """Second derivatives in both ends and the axes, (9, 9) each: forward over reverse, the rest of a batch apart."""
+    """Compute second derivatives in both ends and the axes, (9, 9), forward over reverse, and by differences."""
     x = jnp.concatenate([p, q, jnp.broadcast_to(axes[:, None], p.shape)]).T
 
     def length(x):
@@ -147,22 +147,22 @@ def bends(p, q, axes):
 
 
 def test_the_bend_of_the_length_is_that_of_differences_of_its_slope():
-    """With contact and without; off the surface, where differences are possible in all directions."""
+    """Check with contact and without, off the surface, where differences are possible in all directions."""
     p, q = (1.05 * around(40, BRETELER, seed) for seed in (14, 15))
     near = apart(p, q, BRETELER, 100.0)
     found, difference = bends(p[:, near], q[:, near], BRETELER)
     contact = np.asarray(paths(p[:, near], q[:, near], BRETELER[:, None]).contact_mm)
     assert (contact == 0.0).any()
     assert (contact > 10.0).any()
-    clear = (contact == 0.0) | (contact > 1.0)  # differences do not see a step next to lift-off
+    clear = (contact == 0.0) | (contact > 1.0)  # differences miss the step next to lift-off
     np.testing.assert_allclose(found[clear], difference[clear], atol=BEND)
     np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-9)
 
 
 def test_on_a_sphere_the_bend_across_the_path_is_by_hand():
-    """Two points of the surface a great circle of angle t apart: d2L/dx2 = cot(t) / R across it, 0 along it.
+    """Check two points of the surface a great circle of angle t apart: d2L/dx2 = cot(t) / R across it, 0 along it.
 
-    Reverse over forward, where the differences above are compared with forward over reverse.
+    This is reverse over forward; the other test compares differences with forward over reverse.
     """
     radius, t = 100.0, 0.7
     axes = jnp.full((3, 1), radius)
@@ -172,13 +172,13 @@ def test_on_a_sphere_the_bend_across_the_path_is_by_hand():
         p = jnp.stack([jnp.full_like(move[0], radius - 1.0), move[0], move[1]])[:, None]
         return path_length_mm(outside(p, axes), q, axes)[0]
 
-    ratio = radius / (radius - 1.0)  # a point 1 mm inside moves its closest one by that much more
+    ratio = radius / (radius - 1.0)  # a point 1 mm inside moves its closest point by that much more
     expected = np.diag([0.0, ratio**2 / np.tan(t) / radius])
     np.testing.assert_allclose(few_runs(jax.jacrev(jax.jacfwd(length)))(jnp.zeros(2)), expected, atol=1e-8)
 
 
 def polygon_mm(p, q, axes, corners: int = 80) -> float:
-    """Minimise a polygon with scipy: each inner corner a direction and how far outside it is, 1 on the surface."""
+    """Minimise a polygon with SciPy: each inner corner is a direction and a distance, 1 on the surface."""
 
     @jax.jit
     def length(x):
@@ -222,7 +222,7 @@ def test_the_points_of_a_path_are_on_the_surface_and_as_far_apart_as_it_is_long(
 
 
 def test_contact_comes_and_goes_continuously():
-    """A line that is raised off an ellipsoid: length and directions have no step, and the slope has none either."""
+    """Check a line that is lifted off an ellipsoid: length, directions and slope are continuous."""
     height = jnp.linspace(-2.0, 2.0, 401)
     p = jnp.stack([jnp.full_like(height, -120.0), 85.4 + height, jnp.full_like(height, 5.0)])
     q = jnp.stack([jnp.full_like(height, 120.0), 85.4 + height, jnp.full_like(height, -5.0)])
@@ -233,9 +233,9 @@ def test_contact_comes_and_goes_continuously():
     assert not contact[-1]
     assert np.diff(contact.astype(int)).tolist().count(-1) == 1
     steps = np.abs(np.diff(np.asarray(path.length_mm)))
-    assert steps.max() < 0.01 * 0.6  # a step of 0.01 mm in height, of which no direction here takes more than 0.6
+    assert steps.max() < 0.01 * 0.6  # a step of 0.01 mm in height; no direction here has more than 0.6 of it
     turned = np.linalg.norm(np.diff(np.asarray(path.from_p), axis=1), axis=0)
-    assert turned.max() < 3e-4  # 0.01 mm over 120 mm, and the bend of the surface
+    assert turned.max() < 3e-4  # 0.01 mm over 120 mm, and the curvature of the surface
     (_, upwards, _), *_ = slopes_of_length(p, q, axes)[0]
     assert np.abs(np.diff(upwards)).max() < 3e-4
 
@@ -284,7 +284,7 @@ def test_any_shape_of_batch_gives_the_same_paths():
 
 @pytest.mark.skipif(sys.version_info >= (3, 14), reason="opensim has no wheel for this Python")
 def test_opensim_wraps_the_serratus_as_long(tmp_path: Path):
-    """The twelve lines of five sets at rest; OpenSim takes no point on the surface, so all are a thousandth outside."""
+    """Check twelve lines of five sets at rest, ends a thousandth outside: OpenSim takes none on the surface."""
     problems, ours, names = [], [], []
     for name in ("R2", "R4", "R6", "breteler_dissection", "breteler_mri"):
         model = load_model(name)
@@ -293,7 +293,7 @@ def test_opensim_wraps_the_serratus_as_long(tmp_path: Path):
         angles = REST_DEG / DEG
         AC = landmarks(model.girdle, angles).AC
         X = AC[:, None] + rotate(rotation_from_cardan(angles[3:])[..., None], lines.end_mm)
-        p, q = (np.asarray(outside(x - centre, axes)) * 1.001 for x in (X, lines.start_mm))  # OpenSim: none on it
+        p, q = (np.asarray(outside(x - centre, axes)) * 1.001 for x in (X, lines.start_mm))  # for OpenSim
         ours.append(np.asarray(paths(p, q, axes).length_mm))
         names += [f"{name}, {line}" for line in lines.name]
         problems += [[(x / 1000.0).tolist() for x in (p[:, k], q[:, k], axes[:, 0])] for k in range(p.shape[1])]

@@ -1,4 +1,4 @@
-"""One text for every engine: whose functions and loops a value gets."""
+"""Code shared by all array engines: each value selects its engine's functions and loops."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -7,14 +7,14 @@ from motions.arrays import ByType, is_jax, repeat, repeat_while, xp
 
 
 class Names:
-    """A namespace that answers with the name of what was called."""
+    """A namespace that returns the name of the function called."""
 
     def __getattr__(self, name: str):
         return lambda *_, **__: name
 
 
 class Foreign:
-    """A value that this project does not know."""
+    """A value of an unknown type."""
 
     def __array_namespace__(self, *, api_version: str | None = None) -> Names:
         return Names()

@@ -1,4 +1,4 @@
-"""The arm lowest: where the estimate of the clavicle's axial rotation starts, and what no person is at rest."""
+"""Frames with the lowest arm: the start of the clavicle's axial estimate, and angles that no person has at rest."""
 
 import warnings
 from dataclasses import replace
@@ -20,14 +20,14 @@ from motions.rhythm_subjects import DATA_FILE
 from motions.table import ANGLES
 
 EXACT = 1e-9
-"""Degrees."""
+"""Tolerance in degrees."""
 
 X = ANGLES.index("clavicle_x")
 
 
 @pytest.fixture(scope="module")
 def lab():
-    """The landmarks of a trial of 600 frames, without AA."""
+    """Return the landmarks of a trial of 600 frames, without AA."""
     return {name: xyz for name, xyz in simulated_trial(up_and_down(), closed=True).thorax_mm.items() if name != "AA"}
 
 
@@ -57,7 +57,7 @@ def test_the_estimate_at_an_elevation_does_not_depend_on_the_others(lab):
     at_60 = [one.angles_deg[one.humerus_elevation_deg == 60.0, X].item() for one in found]
     every = postures(lab)
     near = np.abs(every.humerus_elevation_deg - 60.0) < 0.5
-    bend_deg = 0.05  # of the estimate within the window
+    bend_deg = 0.05  # error of averaging the curved estimate within the window
     assert at_60 == pytest.approx([every.angles_deg[near, X].mean()] * 3, abs=bend_deg)
     assert at_60 == pytest.approx([at_60[0]] * 3, abs=EXACT)
     assert at_60[0] > 5.0
@@ -67,7 +67,7 @@ def test_the_estimate_at_an_elevation_does_not_depend_on_the_others(lab):
 
 
 def test_one_noisy_frame_does_not_decide_the_zero(lab):
-    """The scapula turned in the lowest frame, and a frame in which the elbow hangs lower than in any other."""
+    """The scapula is rotated in the lowest frame, and in one frame the elbow is lower than in any other."""
     noisy = {name: xyz.copy() for name, xyz in lab.items()}
     noisy["AI"][:, 0] += [0.0, 0.0, 40.0]
     for name in ("GH", "EM", "EL", "TS"):
@@ -100,7 +100,7 @@ def test_what_is_unlike_rest_by_hand():
 
 
 def short_scapula(lab):
-    """A scapula so short that TS and AI swapped make no distance that nobody has; they turn the scapula round."""
+    """Shorten the scapula, so that TS and AI can be swapped without an impossible distance; the scapula then turns."""
     return lab | {"AI": lab["AC"] + 0.8 * (lab["AI"] - lab["AC"])}
 
 
@@ -113,11 +113,11 @@ def test_two_swapped_landmarks_are_named_where_distances_do_not_show_it(lab):
 
 
 HARDLY_SEEN = {("PX", "T8"), ("EM", "EL")}
-"""Exchanged, these change no distance of a bone and hardly an angle."""
+"""Pairs whose exchange changes no distance of a bone and hardly any angle."""
 
 
 def test_no_swap_is_named_wrongly(lab):
-    """Every pair of landmarks in a whole trial: one of the two is named, the right pair or none is called swapped."""
+    """Every pair swapped in a whole trial: a message names one of the two, and never asks about another pair."""
     named = 0
     for pair in combinations(lab, 2):
         said = []
@@ -147,7 +147,7 @@ def test_a_motion_file_with_a_sign_turned_round_is_read_with_a_warning(tmp_path)
     said = r"simulated01: scapula_y_deg .* is -.* with the arm low.*Turn the sign of scapula_y_deg.*frames\.md"
     with pytest.warns(InputWarning, match=said) as caught:
         read_any(tmp_path / "m.csv", Mapping(), Labels("", ""))
-    assert len(caught) == 1  # the rest posture is not said again
+    assert len(caught) == 1  # the message about the rest posture is not repeated
 
 
 def test_a_trial_without_humerus_is_checked_in_its_first_posture(lab, tmp_path):

@@ -1,4 +1,4 @@
-"""Tables of capture software, separators, decimal commas, names: the girdle is the same, or the true reason is said."""
+"""Tables of capture software, separators, decimal commas, names: the same girdle is read, or the true reason given."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def test_the_same_girdle_from_every_table(trial, lab, tmp_path, kind, separator,
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_gap_of_a_table_is_a_gap(lab, tmp_path, kind):
-    """An empty cell, or zeros in some frames; the markers beside it stay where they are."""
+    """An empty cell, or zeros in some frames; the other markers keep their positions."""
     gappy = with_gaps(lab, {"AC": slice(2, 4), "EL": slice(8, 9)})
     gappy["TS"][:, 6] = 0.0
     markers = read_markers(written(tmp_path, text(KINDS[kind](gappy))))
@@ -108,7 +108,7 @@ def test_qtm_with_and_without_time_and_a_tab_at_the_end(trial, lab, tmp_path, wi
 
 
 def test_other_sections_and_velocities_of_vicon(trial, lab, tmp_path):
-    """Devices before, model outputs after, X' Y' Z' behind each position."""
+    """Devices before, model outputs after, and X' Y' Z' columns behind each position."""
     rows = vicon(lab)
     wide = [
         [cell for k in range(len(lab)) for cell in (*row[2 + 3 * k : 5 + 3 * k], *more)]
@@ -150,7 +150,7 @@ def test_two_header_rows_without_the_first_lines(trial, lab, tmp_path):
 
 
 def test_what_a_table_lacks_is_said(lab, tmp_path):
-    """The program is named, and the export that works."""
+    """The message names the program and the export that works."""
     bodies = [[cell.replace("Marker", "Rigid Body Marker") for cell in row] for row in motive(lab)]
     refused(
         written(tmp_path, text(bodies)), "Motive export has Rigid Body, Rigid Body Marker and no", "Markers switched on"
@@ -231,7 +231,7 @@ def test_words_of_programs_for_what_was_not_seen(trial, lab, tmp_path, gap):
 
 
 def test_signs_of_numbers_that_a_spreadsheet_writes(trial, lab, tmp_path):
-    """A typographic minus is one; a sign between thousands is not read, and not taken for a decimal one."""
+    """A typographic minus is read as a minus; a comma between thousands is refused, not read as a decimal comma."""
     header, *rows = landmarks(lab)
     with_minus = [[cell.replace("-", "\u2212") if "e" not in cell else cell for cell in row] for row in rows]
     assert_same(written(tmp_path, text([header, *with_minus])), trial)
@@ -256,12 +256,12 @@ def test_a_frame_of_qtm_in_which_nothing_was_seen_keeps_its_number(trial, lab, t
 
 
 def test_cells_between_blanks(trial, lab, tmp_path):
-    """As fixed-width text, where nothing else separates them."""
+    """Fixed-width text in which only blanks separate the cells."""
     assert_same(written(tmp_path, text(landmarks(lab), "  "), "trial.txt"), trial)
 
 
 def test_a_table_of_matlab_and_one_of_pandas(trial, lab, tmp_path):
-    """IJ_1, IJ_2, IJ_3 of writetable; two rows of names and axes of a MultiIndex, with the number of the frame."""
+    """IJ_1, IJ_2, IJ_3 of MATLAB's writetable; a pandas MultiIndex of names and axes, with frame numbers."""
     _, *rows = landmarks(lab)
     numbered = [f"{name}_{k}" for name in lab for k in (1, 2, 3)]
     two = [["", *(name for name in lab for _ in "xyz")], ["frame", *["x", "y", "z"] * len(lab)]]
@@ -285,7 +285,7 @@ def test_targets_of_visual3d(trial, lab, tmp_path):
 
 
 def test_only_markers_that_the_program_expects(lab, tmp_path):
-    """Markers of a skeleton stand in columns of another type; those measured have no names."""
+    """Markers of a skeleton are columns of another type; the measured markers have no names."""
     rows = motive({f"Unlabeled {1000 + k}": xyz for k, xyz in enumerate(lab.values())}, subject="")
     refused(
         written(tmp_path, text(rows)), "has Rigid Body and no positions of Markers with names", "Markers switched on"
@@ -306,7 +306,7 @@ def test_what_is_wrong_with_a_table_of_landmarks(lab, tmp_path):
 
 
 def test_angles_whose_unit_is_left_out_are_no_positions(tmp_path):
-    """``clavicle_y`` is no y of a marker called clavicle."""
+    """``clavicle_y`` is not the y coordinate of a marker called "clavicle"."""
     content = (
         "subject,motion,posture,humerus_elevation,clavicle_y,clavicle_z,clavicle_x,scapula_y,scapula_z,scapula_x\n"
     )
@@ -316,7 +316,7 @@ def test_angles_whose_unit_is_left_out_are_no_positions(tmp_path):
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252", "utf-16"])
 def test_encodings_of_a_spreadsheet(trial, lab, tmp_path, encoding):
-    """With a marker beside the landmarks whose name has an accent."""
+    """A marker beside the landmarks has an accent in its name."""
     more = {**lab, "épaule": lab["AC"]}
     path = written(tmp_path, text(landmarks(more), "\t"), "trial.txt", encoding)
     assert_same(path, trial)
@@ -373,7 +373,7 @@ def test_names_match_without_case_and_prefix(trial, lab, tmp_path, rename):
 
 
 def test_a_name_of_the_mapping_matches_too(trial, lab, tmp_path):
-    """One mapping serves the files of all persons."""
+    """One mapping serves the files of all persons, whatever prefix their markers have."""
     renamed = {f"P03:{'STRN' if name == 'IJ' else name}": xyz for name, xyz in lab.items()}
     path = written(tmp_path, text(landmarks(renamed)))
     assert_same(path, trial, Mapping(markers={"IJ": "strn"}))
@@ -381,7 +381,7 @@ def test_a_name_of_the_mapping_matches_too(trial, lab, tmp_path):
 
 
 def test_an_exact_name_wins_and_two_that_match_are_asked_about(lab, tmp_path):
-    """A second person's, or a landmark of each side, is never taken by guess."""
+    """Landmarks of a second person, or of both sides, are never chosen by guessing."""
     other = {f"other:{name}": xyz + 5.0 for name, xyz in lab.items()}
     markers = read_markers(written(tmp_path, text(landmarks(other | lab))))
     assert markers is not None

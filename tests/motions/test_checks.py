@@ -1,4 +1,4 @@
-"""Landmarks that no person has, markers that were not seen, outliers, swaps and signs: named, and never in silence."""
+"""Checks of landmarks and angles: impossible bones, lost markers, outliers, swaps and signs are always reported."""
 
 import re
 import warnings
@@ -31,7 +31,7 @@ FRAMES = 120
 
 @pytest.fixture(scope="module")
 def lab() -> dict[str, np.ndarray]:
-    """A trial in a laboratory in which the trunk sways by 40 mm, with 0.5 mm of noise."""
+    """Return a trial in a laboratory in which the trunk sways by 40 mm, with 0.5 mm of noise."""
     thorax = simulated_trial(up_and_down()[:: 600 // FRAMES], closed=True).thorax_mm
     rng = np.random.default_rng(0)
     sway = 40.0 * np.sin(np.linspace(0.0, 5.0, FRAMES)) * np.ones((3, 1)) + np.array([[300.0], [-500.0], [1200.0]])
@@ -39,7 +39,7 @@ def lab() -> dict[str, np.ndarray]:
 
 
 def changed(lab, name: str, frames: slice, place) -> dict[str, np.ndarray]:
-    """The trial with a landmark at another place in some frames."""
+    """Return the trial with a landmark at another place in some frames."""
     new = lab[name].copy()
     new[:, frames] = place
     return lab | {name: new}
@@ -84,7 +84,7 @@ def test_the_blame_is_on_the_fewest_landmarks_by_hand():
     ac_ts, ac_ai, ts_ai = (frozenset(pair) for pair in (("AC", "TS"), ("AC", "AI"), ("TS", "AI")))
     assert blamed([ac_ts, ts_ai], {("AC", "TS"): 9.0, ("TS", "AI"): 9.0, ("AC", "AI"): 0.0}) == [("TS",)]
     off = {("AC", "TS"): 9.0, ("TS", "AI"): 0.0, ("AC", "AI"): 4.0}
-    assert blamed([ac_ts], off) == [("AC",)]  # it explains AC-AI, 4 SD off, too
+    assert blamed([ac_ts], off) == [("AC",)]  # AC also explains AC-AI, 4 SD off
     assert blamed([ac_ts], off | {("AC", "AI"): 2.0}) == [("AC",), ("TS",)]  # 2 SD may be chance
     assert blamed([ac_ts, ac_ai, ts_ai], dict.fromkeys([("AC", "TS")], 9.0)) == [
         ("AC", "AI"),
@@ -104,7 +104,7 @@ def test_a_landmark_that_was_never_seen_is_a_gap(lab, value):
     said, found = said_of(changed(lab, "AI", slice(10, 20), value))
     assert np.isnan(found["AI"][:, 10:20]).all()
     assert np.isfinite(found["AI"][:, 20:]).all()
-    assert said == [] if value == 0.0 else "AI is at" in said[0]  # zeros are gaps everywhere
+    assert said == [] if value == 0.0 else "AI is at" in said[0]  # zeros are the usual gaps and need no message
 
 
 def test_a_landmark_that_stands_still_while_its_bone_moves_is_a_gap(lab):
@@ -117,7 +117,7 @@ def test_a_landmark_that_stands_still_while_its_bone_moves_is_a_gap(lab):
 
 
 def test_the_origin_and_a_body_at_rest_are_no_gaps():
-    thorax = simulated_trial(np.linspace(0.0, 120.0, 30)).thorax_mm  # IJ is (0, 0, 0), the thorax is still
+    thorax = simulated_trial(np.linspace(0.0, 120.0, 30)).thorax_mm  # IJ is (0, 0, 0), the thorax is at rest
     assert not any(unseen.any() for unseen in never_seen(thorax).values())
     at_rest = {name: np.repeat(xyz[:, :1], 30, axis=1) for name, xyz in thorax.items()}
     assert not any(unseen.any() for unseen in never_seen(at_rest).values())
@@ -127,7 +127,7 @@ def test_in_the_thorax_frame_the_thorax_stands_still_and_the_scapula_does_not(la
     """IJ is (0, 0, 0) throughout; PX, C7, T8 and SC move by the noise of the skin."""
     thorax = {name: xyz - lab["IJ"] for name, xyz in lab.items()}
     assert not any(unseen.any() for unseen in never_seen(thorax).values())
-    placed = changed(thorax, "SC", ALL, thorax["SC"][:, :1])  # from IJ
+    placed = changed(thorax, "SC", ALL, thorax["SC"][:, :1])  # SC placed from IJ
     assert not any(unseen.any() for unseen in never_seen(placed).values())
     held = never_seen(changed(thorax, "AI", slice(30, 60), thorax["AI"][:, 29:30]))
     assert [name for name, unseen in held.items() if unseen.any()] == ["AI"]
@@ -135,7 +135,7 @@ def test_in_the_thorax_frame_the_thorax_stands_still_and_the_scapula_does_not(la
 
 
 def test_a_body_at_rest_in_a_file_of_few_digits_is_seen():
-    """Rounded to millimetres, some landmarks do not change for frames while all others do by a digit."""
+    """With positions rounded to mm, some landmarks stay equal for frames while all others change by one digit."""
     rng = np.random.default_rng(0)
     places = {name: rng.uniform(-500.0, 500.0, (3, 1)) for name in ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")}
     rounded = {name: np.round(place + 0.3 * rng.standard_normal((3, 300))) for name, place in places.items()}
@@ -170,7 +170,7 @@ def test_a_swap_in_mid_trial_is_named_as_that(lab, pair, last):
 
 
 def test_skin_that_moves_slowly_is_no_outlier(lab):
-    """AI under the skin: 40 mm away from its place at the top of the motion, there and back."""
+    """AI is up to 40 mm off at the top of the motion, and moves there and back slowly, like skin."""
     bump = 40.0 * np.exp(-((np.linspace(-4.0, 4.0, FRAMES)) ** 2))
     along = (lab["AI"] - lab["AC"]) / np.linalg.norm(lab["AI"] - lab["AC"], axis=0)
     assert not find_outliers(lab | {"AI": lab["AI"] + bump * along})
@@ -178,7 +178,7 @@ def test_skin_that_moves_slowly_is_no_outlier(lab):
 
 @pytest.mark.parametrize("name", ["IJ", "C7", "T8", "SC", "AC", "TS", "AI", "GH"])
 def test_a_landmark_whose_frames_are_those_of_another_time_is_named(lab, name):
-    """It goes slowly, so that no frame is an outlier; in a trunk that hardly sways it would not be wrong."""
+    """The landmark's frames are reversed in time: it moves slowly, so no frame is an outlier; the trunk sways a lot."""
     far = {other: xyz + 60.0 * np.linspace(-1.0, 1.0, FRAMES) for other, xyz in lab.items()}
     said, found = said_of(far | {name: far[name][:, ::-1]})
     assert any(re.search(rf"between (\w+ and )?{name} .*changes by .* Is a marker on another", text) for text in said)
@@ -200,7 +200,7 @@ def test_a_thorax_out_of_its_plane_is_refused(lab):
 
 
 def test_ij_and_sc_exchanged_are_not_taken_for_a_wrong_sc(lab):
-    """SC is then where that of the other shoulder is; without it the thorax would be turned by 17 degrees."""
+    """SC is then at the other shoulder's SC; if SC were just left out, the thorax would be rotated by 17 degrees."""
     with pytest.raises(InputError, match=r"SC or IJ cannot be right: .*SC is .* beyond the midline") as caught:
         sound_landmarks(lab | {"SC": lab["IJ"], "IJ": lab["SC"]}, "P, m", "t.trc")
     assert caught.value.remedy.endswith("Or are IJ and SC swapped?")
@@ -218,7 +218,7 @@ def test_both_landmarks_of_the_acromion_exchanged_are_named(lab):
 
 @pytest.mark.parametrize("mirror", [1.0, -1.0])
 def test_the_corner_of_the_acromion_under_the_name_of_ac(lab, mirror):
-    """Of a right and of a left shoulder; measured by hand, GH is 8 and -4 mm before the scapula of the cadaver."""
+    """Right and left shoulder; measured by hand, GH is 8 and -4 mm in front of the cadaver's scapula."""
     corner = {name: mirror * xyz for name, xyz in lab.items() if name != "AA"} | {"AC": mirror * lab["AA"]}
     said, _ = said_of(corner)
     assert "before the plane of AC, TS and AI, in people up to 26: AC looks like AA" in said[0]
@@ -245,7 +245,7 @@ ELEVATION = np.linspace(10.0, 120.0, 12)
 
 
 def course(**changes: float) -> Motions:
-    """De Groot's rest and Ludewig's courses, an angle turned round by -1."""
+    """Make a motion from de Groot's rest posture and Ludewig's changes; a change of -1 reverses an angle's sign."""
     at_10, by_60 = np.array([-28.0, 12.0, 0.0, 38.0, 9.0, -10.0]), np.array([-12.0, 8.0, 13.0, -2.0, 21.0, 5.0])
     angles = (at_10 + np.outer((ELEVATION - 10.0) / 60.0, by_60)) * [changes.get(angle, 1.0) for angle in ANGLES]
     count = len(ELEVATION)
@@ -255,7 +255,7 @@ def course(**changes: float) -> Motions:
 
 
 def with_angle(angle: str, values, rows: int | slice = slice(None)) -> Motions:
-    """``course`` with other values of an angle."""
+    """Return ``course`` with other values of an angle."""
     angles = course().angles_deg.copy()
     angles[rows, ANGLES.index(angle)] = values
     return replace(course(), angles_deg=angles)
@@ -289,7 +289,7 @@ def test_of_a_scapula_that_hardly_tips_no_more_is_said_than_is_known():
 
 
 def test_no_sign_is_to_be_turned_where_that_mends_nothing():
-    turned = with_angle("clavicle_y", angle_of_course("clavicle_y") + 180.0)  # of an axis that points the other way
+    turned = with_angle("clavicle_y", angle_of_course("clavicle_y") + 180.0)  # from an axis in the opposite direction
     (said,) = [text for text in warned(turned) if "people:" in text]
     assert said.endswith(
         "With the other sign clavicle_y_deg is no person's either: check its frame and zero (docs/frames.md)."
@@ -319,7 +319,7 @@ def test_two_angles_whose_columns_are_exchanged_are_named(a, b):
 
 @pytest.mark.parametrize("order", [(1, 2, 0), (2, 0, 1)])
 def test_three_columns_in_the_order_of_another_sequence_are_named(order):
-    """X, Y, Z written under the names of Y, Z, X: no sign is to be turned."""
+    """X, Y, Z under the names of Y, Z, X: the message names the order and no sign."""
     turned = course().angles_deg.copy()
     turned[:, 3:] = turned[:, [3 + k for k in order]]
     (said,) = warned(replace(course(), angles_deg=turned))
@@ -345,7 +345,7 @@ def test_an_elevation_from_overhead_is_no_wrong_sign(overhead):
 
 
 def test_an_angle_that_is_zero_or_in_radians_throughout_is_named():
-    """One that was not measured is empty; what is small in degrees is smaller than the noise of a measurement."""
+    """An angle that was not measured must be empty; radians read as degrees vary less than measurement noise."""
     (said,) = warned(with_angle("clavicle_x", 0.0))
     assert "clavicle_x_deg is 0 in every posture. Empty its cells" in said
     (said,) = warned(with_angle("scapula_x", np.radians(angle_of_course("scapula_x"))))
@@ -400,7 +400,7 @@ def test_the_cases_say_what_is_wrong_and_the_rest_is_right(cases, tmp_path, name
     by_hand = pd.read_csv(cases / "base_angles.csv").set_index("frame")
     found = pd.read_csv(tmp_path / "out.csv").set_index("posture")
     angles = [column for column in by_hand if "GH" not in name or not column.startswith("humerus")]
-    without_noise = name in ("spike_T8.trc", "mid_TSAI.trc")  # that of 0.3 mm in the angles by hand
+    without_noise = name in ("spike_T8.trc", "mid_TSAI.trc")  # the angles by hand have noise of 0.3 mm
     atol = 1.0 if without_noise else 0.01
     np.testing.assert_allclose(found[angles], by_hand.loc[found.index, angles], rtol=0.0, atol=atol)
 
@@ -438,7 +438,7 @@ def test_reading_says_it_once_for_the_api_and_the_commands(tmp_path):
 def test_positions_in_a_motion_file_are_a_persons_too(tmp_path):
     girdle_mm = placed(course())
     write_motions(replace(course(), landmarks_mm=girdle_mm), tmp_path / "m.csv")
-    read_motions(tmp_path / "m.csv")  # SC is still in the thorax frame, and a warning would be an error
+    read_motions(tmp_path / "m.csv")  # SC is still in the thorax frame; a warning would be an error
     wrong = girdle_mm | {"TS": girdle_mm["TS"] - np.array([150.0, 0.0, 0.0])}
     write_motions(replace(course(), landmarks_mm=wrong), tmp_path / "m.csv")
     with pytest.warns(InputWarning, match=r"P: TS cannot be right: TS is \d+ mm from AC"):
@@ -448,13 +448,13 @@ def test_positions_in_a_motion_file_are_a_persons_too(tmp_path):
 @pytest.mark.parametrize(
     ("frame", "said"),
     [
-        (lambda mm: mm * [-1.0, 1.0, 1.0], "degrees away from where the angles put the clavicle"),  # another shoulder
+        (lambda mm: mm * [-1.0, 1.0, 1.0], "degrees away from where the angles put the clavicle"),  # left shoulder
         (lambda mm: mm[:, [0, 2, 1]] * [1.0, 1.0, -1.0], "degrees away from where the angles put the"),  # z up
-        (lambda mm: mm + np.array([400.0, 900.0, -300.0]), "mm from IJ, in people 5 to 60"),  # of the laboratory
+        (lambda mm: mm + np.array([400.0, 900.0, -300.0]), "mm from IJ, in people 5 to 60"),  # laboratory frame
     ],
 )
 def test_positions_of_a_motion_file_in_another_frame_are_named(frame, said):
-    """They are data of a diagnosis and of own bones: in another frame they would count as movement of the joints."""
+    """Diagnosis and own bones use the positions; in another frame they would count as movement of the joints."""
     sound = replace(course(), landmarks_mm=placed(course()))
     assert not warned(sound)
     text = " ".join(warned(replace(sound, landmarks_mm={name: frame(mm) for name, mm in placed(sound).items()})))
@@ -485,7 +485,7 @@ def test_an_angle_that_stands_still_or_a_posture_out_of_line_is_named():
 
 
 def placed(motions: Motions) -> dict[str, np.ndarray]:
-    """Landmarks of R2 where its bones are at these angles."""
+    """Return landmarks of R2 with its bones at these angles."""
     girdle, (clavicle, scapula) = load_model("R2").girdle, bone_rotations(np.radians(motions.angles_deg.T))
     at = chain_landmarks(girdle.over_axes(1), clavicle, scapula)
     sc_mm = np.tile(girdle.sc_mm, (len(motions.posture), 1))

@@ -1,6 +1,6 @@
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | scalar" of nearly every result)
-"""Clusters: landmarks palpated in static trials come back exactly where skin does not move, or moves as calibrated."""
+"""Clusters: angles are exact where the skin does not move on the bone, or moves as the calibration assumes."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ from motions.landmarks.sampled_postures import SLIPPED, Labels
 from motions.landmarks.stand_ins import KAPTEIN_GH
 
 EXACT = 1e-6
-"""Degrees, with positions written to 17 digits."""
+"""Tolerance in degrees, with positions written to 17 digits."""
 
 REST, RAISED = 12.0, 118.0
 ELEVATIONS = np.concatenate([np.linspace(5.0, 125.0, 25), np.linspace(125.0, 5.0, 25)])
@@ -31,7 +31,7 @@ SHAPES_MM = {
     "thorax": np.array([[0.0, -40.0, -12.0], [45.0, -70.0, -20.0], [-40.0, -75.0, -18.0]]),
     "humerus": np.array([[30.0, -90.0, 10.0], [42.0, -130.0, -20.0], [36.0, -160.0, 25.0]]),
 }
-"""Of each cluster's markers in the frame of its segment, mm."""
+"""Markers of each cluster in the frame of its segment, mm."""
 CLUSTERS = {segment: tuple(f"{segment[:2]}{k}" for k in range(len(shape))) for segment, shape in SHAPES_MM.items()}
 MAPPING = Mapping(clusters=CLUSTERS)
 LABELS = Labels("P01", "abduction")
@@ -39,9 +39,10 @@ PALPATED = ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI", "AA", "GH", "EM", "E
 
 
 def with_clusters(elevation_deg, lag=False, side="right", which=CLUSTERS):
-    """The landmarks of a simulated trial in a laboratory, and the markers of its clusters.
+    """Return the landmarks of a simulated trial in a laboratory, and the markers of its clusters.
 
-    lag: the skin of the acromion turns about an axis off the bone by a tenth of the elevation, and moves along it.
+    lag: the skin of the acromion rotates about an axis outside the bone by a tenth of the elevation, and shifts along
+    it.
     """
     trial = simulated_trial(elevation_deg)
     bone = {"thorax": np.repeat(np.eye(3)[..., None], len(elevation_deg), axis=2)}
@@ -75,19 +76,19 @@ def markers_of(which=CLUSTERS):
 
 
 def static(folder, at_deg, **options):
-    """A static trial of three frames with everything in it."""
+    """Write a static trial of three frames with all landmarks and markers."""
     _, lab = with_clusters(np.full(3, at_deg), **options)
     return written(folder, f"static{at_deg:g}.trc", lab, [*PALPATED, *markers_of()])
 
 
 def worst(motions, trial):
-    """The largest error of the angles but the estimated one, degrees."""
+    """Return the largest error of the angles, except the estimated one, degrees."""
     return np.abs(np.delete(motions.angles_deg - trial.angles_deg[motions.posture - 1], 2, axis=1)).max()
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_without_a_lag_the_angles_are_those_of_the_bones(tmp_path, side):
-    """The moving trial has nothing but the clusters."""
+    """The moving trial has only the markers of the clusters."""
     trial, lab = with_clusters(ELEVATIONS, side=side)
     moving = written(tmp_path, "moving.trc", lab, markers_of())
     labels = Labels("P01", "abduction", side)
@@ -102,9 +103,10 @@ def test_without_a_lag_the_angles_are_those_of_the_bones(tmp_path, side):
 
 @pytest.mark.parametrize("elbow", ["cluster", "landmarks"])
 def test_double_calibration_takes_a_lag_that_is_linear_in_elevation_away(tmp_path, elbow):
-    """12 degrees and 9 mm over the motion; with one static posture they are in the angles.
+    """The lag is 12 degrees and 9 mm over the motion; with one static posture it remains in the angles.
 
-    Without a cluster on the humerus GH goes with the scapula, whose place depends on the elevation that GH gives.
+    Without a cluster on the humerus, GH moves with the scapula, whose position depends on the elevation computed from
+    GH.
     """
     which = CLUSTERS if elbow == "cluster" else {name: CLUSTERS[name] for name in ("scapula", "thorax")}
     names = [*markers_of(which), *(() if elbow == "cluster" else ("EM", "EL"))]
@@ -123,7 +125,7 @@ def test_double_calibration_takes_a_lag_that_is_linear_in_elevation_away(tmp_pat
 
 
 def test_a_landmark_that_only_one_static_trial_has(tmp_path):
-    """The second posture needs no more than AC, TS and AI of the scapula, and nothing of the thorax but its cluster."""
+    """The second posture needs only AC, TS and AI of the scapula, and of the thorax only the cluster."""
     trial, lab = with_clusters(ELEVATIONS)
     moving = written(tmp_path, "moving.trc", lab, markers_of())
     _, raised = with_clusters(np.full(3, RAISED))
@@ -137,7 +139,7 @@ def test_a_landmark_that_only_one_static_trial_has(tmp_path):
 
 
 def test_a_cluster_with_a_gap_and_one_with_swapped_markers(tmp_path):
-    """A cluster of four does without one; of a swap the frames are named and left out."""
+    """A cluster of four works with three markers; frames with a swap are named and left out."""
     trial, lab = with_clusters(ELEVATIONS)
     lab["sc1"][:, 7] = np.nan
     lab["th0"][:, 3:6], lab["th1"][:, 3:6] = lab["th1"][:, 3:6].copy(), lab["th0"][:, 3:6].copy()
@@ -151,7 +153,7 @@ def test_a_cluster_with_a_gap_and_one_with_swapped_markers(tmp_path):
 
 
 def test_the_residual_at_sampled_elevations(tmp_path):
-    """Every marker 1 mm (SD a coordinate) off: of four markers 12 coordinates less 6 of the pose are left."""
+    """Noise of 1 mm (SD per coordinate) on every marker: of 12 coordinates of four markers, 6 determine the pose."""
     rng = np.random.default_rng(3)
     _, lab = with_clusters(np.linspace(5.0, 125.0, 400))
     noisy = {name: place + rng.standard_normal(place.shape) for name, place in lab.items()}
@@ -186,7 +188,7 @@ def test_what_a_calibration_lacks_is_said(tmp_path):
 
 
 def test_a_static_trial_in_which_the_arm_moves(tmp_path):
-    """As one file of several palpated postures: they are not averaged."""
+    """A file of several palpated postures is refused, because their positions must not be averaged."""
     _, lab = with_clusters(np.linspace(10.0, 90.0, 5))
     path = written(tmp_path, "all.trc", lab, [*PALPATED, *markers_of()])
     with pytest.raises(
@@ -196,7 +198,7 @@ def test_a_static_trial_in_which_the_arm_moves(tmp_path):
 
 
 def test_a_persons_prefix_before_the_markers_of_a_cluster(tmp_path):
-    """As QTM writes it, in a trial without landmarks."""
+    """QTM writes such prefixes; the trial has no landmarks."""
     trial, lab = with_clusters(ELEVATIONS)
     moving = written(
         tmp_path,
@@ -217,7 +219,7 @@ def test_far_beyond_the_static_postures_is_warned_of(tmp_path):
 
 
 def test_gh_that_nobody_palpated_is_marked(tmp_path):
-    """Placed in the static trial, it goes with the humerus; what rests on it says so."""
+    """GH is placed in the static trial and moves with the humerus; angles that depend on it are marked."""
     trial, lab = with_clusters(ELEVATIONS)
     moving = written(tmp_path, "moving.trc", lab, markers_of())
     _, still = with_clusters(np.full(3, REST))
@@ -232,7 +234,7 @@ def test_gh_that_nobody_palpated_is_marked(tmp_path):
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_gh_from_ac_of_a_trial_without_clusters(tmp_path, side):
-    """At the cadaver's own offset it is GH; the elevation differs by less than the stated uncertainty makes."""
+    """With the cadaver's own offset GH is exact; the elevation error is within the stated uncertainty."""
     trial, lab = with_clusters(ELEVATIONS, side=side)
     path = written(tmp_path, "trial.trc", lab, [name for name in PALPATED if name != "GH"])
     labels = Labels("P01", "abduction", side, gh_from_ac=KAPTEIN_GH)
@@ -278,7 +280,7 @@ def test_a_mapping_with_wrong_clusters(tmp_path, text, said):
 
 
 def test_the_rigid_fit_is_scipys():
-    """Against scipy's align_vectors, with noise."""
+    """Compared with scipy's align_vectors, with noise."""
     rng = np.random.default_rng(1)
     shape = rng.normal(0.0, 20.0, (5, 3))
     R = Rotation.from_rotvec(rng.normal(0.0, 1.0, (6, 3)))
@@ -292,7 +294,7 @@ def test_the_rigid_fit_is_scipys():
 
 
 def test_parts_of_a_motion_make_the_whole():
-    """Ten tenths of a screw are the screw; of a rotation about a point, that point stays."""
+    """Ten tenths of a screw motion give the screw; for a rotation about a point, the point stays."""
     R = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()[..., None]
     whole = Pose(R, np.array([[10.0], [-4.0], [7.0]]))
     tenth = part_of_the_way(whole, np.array([0.1]))
@@ -309,7 +311,7 @@ def test_parts_of_a_motion_make_the_whole():
 
 
 def changed_static(folder, name, at_deg, **places):
-    """A static trial with landmarks or markers at other places."""
+    """Write a static trial with landmarks or markers at other places."""
     _, lab = with_clusters(np.full(3, at_deg))
     return written(folder, name, lab | {one: place(lab) for one, place in places.items()}, [*PALPATED, *markers_of()])
 
@@ -334,7 +336,7 @@ def test_what_was_palpated_wrong_is_named_in_the_static_trial(tmp_path, places, 
 
 
 def test_two_postures_of_one_scapula_have_its_shape(tmp_path):
-    """AI palpated 40 mm away with the arm raised: no sound landmark is blamed for what follows."""
+    """AI palpated 40 mm off with the arm raised: the message blames no correct landmark."""
     path = changed_static(tmp_path, "raised.trc", RAISED, AI=ghost_of("AI", 40.0))
     with pytest.raises(InputError, match=r"AI .*cannot be right: AI and (AC|TS|AA) are") as caught:
         read_calibration([static(tmp_path, REST), path], MAPPING, LABELS)
@@ -356,7 +358,7 @@ def test_one_palpated_frame_that_jumps_does_not_count(tmp_path):
 
 @pytest.mark.parametrize("value", [0.0, -16512.0, "held"])
 def test_a_marker_of_a_cluster_that_was_never_seen_is_a_gap(tmp_path, value):
-    """The three others carry the scapula."""
+    """The three other markers carry the scapula."""
     trial, lab = with_clusters(ELEVATIONS)
     lab["sc0"] = (
         np.repeat(lab["sc0"][:, :1], len(ELEVATIONS), axis=1) if value == "held" else np.full_like(lab["sc0"], value)
@@ -368,7 +370,7 @@ def test_a_marker_of_a_cluster_that_was_never_seen_is_a_gap(tmp_path, value):
 
 
 def test_skin_that_lags_is_no_slip_of_a_landmark(tmp_path):
-    """With one static posture the distance from SC to AC changes by the skin: nothing is said of SC."""
+    """With one static posture the skin changes the distance from SC to AC: there is no message about SC."""
     _, lab = with_clusters(ELEVATIONS, lag=True)
     calibration = read_calibration([static(tmp_path, REST, lag=True)], MAPPING, LABELS)
     motions = read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration)

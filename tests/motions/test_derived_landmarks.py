@@ -1,4 +1,4 @@
-"""Landmarks that a mapping file makes of markers, and what stands in for SC and AC."""
+"""Landmarks that a mapping file computes from markers, and estimated landmarks in place of SC and AC."""
 
 from dataclasses import replace
 
@@ -88,7 +88,7 @@ def test_a_wrong_formula_is_one_message(tmp_path, lab, mapping, said):
 
 
 TWO_STAND_INS_DEG = 6.0
-"""Between a clavicle of two estimated landmarks and the true one: each is 10 mm off a clavicle of 158 mm."""
+"""Limit between a clavicle of two estimated landmarks and the true one: each is 10 mm off a clavicle of 158 mm."""
 
 
 def test_a_trial_without_sc_and_ac_has_a_clavicle_that_says_so(tmp_path, lab):

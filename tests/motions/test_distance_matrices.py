@@ -11,7 +11,7 @@ from motions.checks.distance_matrices import (
 from tests.helpers.thesis_tables import DISSECTION, MISPRINTED, MRI, TABLE_4_1, TABLE_4_2_DIST, TABLE_5_1
 
 PRINTED_4_1_MM = 0.15
-"""Both tables are rounded to 0.1 mm: a distance of rounded coordinates is off by up to about 0.09, twice."""
+"""Both tables are rounded to 0.1 mm: a distance of rounded coordinates is off by up to about 0.09, in each table."""
 
 
 def test_table_4_1_is_the_difference_of_the_distances_of_table_4_2():

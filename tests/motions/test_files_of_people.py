@@ -1,4 +1,4 @@
-"""Files as people have them (``../shared/cases``): angles as by hand, or the true reason."""
+"""Realistic files (``../shared/cases``): angles as computed by hand, or the true reason of a refusal."""
 
 from pathlib import Path
 
@@ -11,11 +11,11 @@ CASES = Path(__file__).parents[3] / "shared" / "cases"
 pytestmark = pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not shipped")
 
 NEAR_DEG = 0.01
-"""The files have three digits of a millimetre and more."""
+"""Tolerance: the files have at least three decimals of a mm."""
 
 
 def angles(path: Path) -> pd.DataFrame:
-    """The angles that were measured, a row each posture."""
+    """Return the measured angles, one row per posture."""
     return pd.read_csv(path).drop(columns="clavicle_x_deg")
 
 

@@ -1,4 +1,4 @@
-"""Files of a laboratory: what they hold is read; the traps of real ones are met by a message or a correct reading."""
+"""Files of a laboratory in every format: contents, and traps of real files, read correctly or refused by a message."""
 
 import struct
 
@@ -27,10 +27,10 @@ from motions.landmarks.sampled_postures import (
 from motions.motion_csv.writing import write_motions
 
 C3D_MM = 1e-4
-"""A .c3d file holds single precision: 1e-7 of positions of 1000 mm."""
+"""Tolerance: a .c3d file has single precision, 1e-7 of positions of 1000 mm."""
 
 C3D_DEG = 1e-3
-"""The same in an angle, over 100 mm between landmarks."""
+"""The same tolerance as an angle, over 100 mm between landmarks."""
 
 Z_UP = Rotation.from_euler("X", 90, degrees=True).as_matrix()
 ORIGIN_MM = np.array([300.0, -500.0, 1200.0])
@@ -38,13 +38,13 @@ ORIGIN_MM = np.array([300.0, -500.0, 1200.0])
 
 @pytest.fixture(scope="module")
 def trial():
-    """Nine simulated postures, without noise."""
+    """Simulate nine postures without noise."""
     return simulated_trial(ELEVATIONS)
 
 
 @pytest.fixture(scope="module")
 def lab(trial):
-    """Their landmarks in a laboratory with z up, mm."""
+    """Return their landmarks in a laboratory with z up, mm."""
     return in_laboratory(trial.thorax_mm, Z_UP, ORIGIN_MM)
 
 
@@ -55,7 +55,7 @@ def trc(folder, lines, name="trial.trc"):
 
 
 def known(motions):
-    """All angles but the estimated one."""
+    """Return all angles but the estimated one."""
     return np.delete(motions.angles_deg, 2, axis=1)
 
 
@@ -67,7 +67,7 @@ def true(trial):
 @pytest.mark.parametrize("axes", ["y up", "z up"])
 @pytest.mark.parametrize("unit", ["mm", "m"])
 def test_the_same_girdle_from_every_kind_of_file(trial, tmp_path, kind, axes, unit):
-    """Metres or millimetres, y up or z up: the file says the unit, the thorax says what is up."""
+    """Metres or millimetres, y up or z up: the file gives the unit, and the thorax shows the vertical axis."""
     lab = in_laboratory(trial.thorax_mm, np.eye(3) if axes == "y up" else Z_UP, ORIGIN_MM)
     lab = {name: xyz / (1000.0 if unit == "m" else 1.0) for name, xyz in lab.items()}
     path = tmp_path / f"trial.{kind}"
@@ -160,7 +160,7 @@ def test_a_trc_header_between_blanks_is_read_as_one_between_tabs(lab, tmp_path):
 @pytest.mark.parametrize("kind", ["c3d", "trc"])
 @pytest.mark.parametrize("gap", [np.nan, 0.0])
 def test_a_gap_costs_its_frames_and_nothing_else(trial, lab, tmp_path, kind, gap):
-    """An empty cell, a negative residual or (0, 0, 0): the markers beside it stay where they are."""
+    """An empty cell, a negative residual or (0, 0, 0): the other markers keep their positions."""
     gappy = {name: xyz.copy() for name, xyz in lab.items()}
     gappy["SC"][:, 3] = gap
     gappy["PX"][:, 5] = gap
@@ -248,7 +248,7 @@ def test_a_trc_line_with_too_many_or_wrong_cells(lab, tmp_path):
 
 
 def test_a_wrong_number_of_frames_in_a_c3d_header(trial, lab, tmp_path):
-    """Header and parameters disagree, the data are whole: read as they are. Data cut off: refused."""
+    """Where header and parameters disagree and the data are whole, they are read; truncated data are refused."""
     path = tmp_path / "trial.c3d"
     write_c3d(path, lab)
     content = bytearray(path.read_bytes())
@@ -274,7 +274,7 @@ def test_what_is_no_c3d_file_ends_in_a_message(tmp_path, content):
 
 
 def test_a_c3d_file_that_ends_within_its_parameters(lab, tmp_path):
-    """ezc3d alone would read on for ever."""
+    """ezc3d alone would read endlessly."""
     path = tmp_path / "trial.c3d"
     write_c3d(path, lab)
     path.write_bytes(path.read_bytes()[:700])
@@ -301,7 +301,7 @@ def test_line_ends_and_a_missing_blank_line_of_a_trc_file(lab, tmp_path, line_en
 
 
 def test_blank_lines_and_a_missing_line_of_axes_in_a_trc_header(trial, lab, tmp_path):
-    """No frame is taken for a line of the header."""
+    """No frame is mistaken for a line of the header."""
     lines = [line for line in trc_lines(lab) if line]
     lines[3] = lines[3].replace("Frame#", "Frame #")
     for variant in (lines, ["", *lines[:4], "", *lines[4:]], [*lines[:4], *lines[5:]]):
@@ -334,7 +334,7 @@ def test_aa_without_ac_is_never_taken_for_it(trial, lab, tmp_path):
 
 
 def test_palpated_postures_of_several_subjects(trial, lab, tmp_path):
-    """One row a posture; the estimate of each subject starts from its own lowest arm, over all its motions."""
+    """One row per posture; each subject's estimate starts from its own lowest arm posture over all its motions."""
     header = "subject,motion,posture," + ",".join(f"{name}_{axis}_mm" for name in lab for axis in "xyz")
     rows = np.concatenate(list(lab.values())).T
     lines = [header]
@@ -362,7 +362,7 @@ def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
     assert motions.humerus_elevation_deg.tolist() == [10.5, 40.5, 69.5]
     at = motions.humerus_elevation_deg
     expected = np.stack([np.interp(at, trial.elevation_deg, column) for column in true(trial).T], axis=1)
-    bend_deg = 0.05  # of the rhythm within 5 degrees of the arm
+    bend_deg = 0.05  # error of a straight line through the curved rhythm, within 5 degrees of the arm
     np.testing.assert_allclose(known(motions), expected, rtol=0.0, atol=bend_deg)
     assert motions.extra[FRAMES].tolist() == ["6", "10", "6"]
     spread = motions.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
@@ -373,7 +373,7 @@ def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
 
 
 def test_elevations_in_a_gap_are_named(tmp_path):
-    """The arm was measured there and the scapula was not: without a word its postures would be missed much later."""
+    """The scapula has a gap while the arm was measured: the message names the missing postures."""
     trial = simulated_trial(np.linspace(10.0, 70.0, 61))
     gappy = {name: xyz.copy() for name, xyz in trial.thorax_mm.items()}
     gappy["TS"][:, 20:42] = np.nan
@@ -385,14 +385,14 @@ def test_elevations_in_a_gap_are_named(tmp_path):
 
 @pytest.mark.parametrize("step_deg", [2.0, 3.0])
 def test_both_ends_of_a_trial_of_few_frames_are_sampled(tmp_path, step_deg):
-    """Fewer frames lie within 5 degrees of an end than a line needs: the next ones inside the trial count too."""
+    """If fewer frames than a line needs are within 5 degrees of an end, the next frames inside the trial count too."""
     elevation_deg = np.arange(0.0, 121.0, step_deg)
     trial = simulated_trial(elevation_deg)
     labels = Labels("P01", "abduction", at_deg=(0.0, 120.0))
     motions = read_any(trc(tmp_path, trc_lines(trial.thorax_mm)), Mapping(), labels)
     assert motions.humerus_elevation_deg.tolist() == [0.0, 120.0]
     assert motions.extra[FRAMES].tolist() == ["4", "4"]
-    bend_deg = 0.01  # of the angles over 9 degrees of the arm: the rhythm is straight, landmarks add rounding
+    bend_deg = 0.01  # error of a straight line over 9 degrees of the arm; landmarks add rounding
     np.testing.assert_allclose(known(motions), true(trial)[[0, -1]], rtol=0.0, atol=bend_deg)
     sparse = simulated_trial(np.arange(0.0, 121.0, 4.0))
     cause = r"no posture at 0, 120 degrees .* needs 4 frames within 5 degrees, or within 10 of an end"
@@ -400,7 +400,7 @@ def test_both_ends_of_a_trial_of_few_frames_are_sampled(tmp_path, step_deg):
 
 
 def test_raising_and_lowering_that_differ_show_in_the_spread(tmp_path):
-    """Hysteresis of +-2 degrees of the scapula about its long axis: an SD of 2."""
+    """The scapula has a hysteresis of +-2 degrees about its long axis, which is an SD of 2."""
     trial = simulated_trial(np.tile(np.linspace(30.0, 50.0, 21), 2))
     differs = Rotation.from_euler("Y", 2.0, degrees=True).as_matrix()
     moved = {name: xyz.copy() for name, xyz in trial.thorax_mm.items()}
@@ -458,7 +458,7 @@ def test_a_kind_of_file_that_is_not_known(tmp_path, name):
 
 
 def test_a_position_beyond_all_laboratories_is_named():
-    """Before anything is made of it that overflows."""
+    """The message comes before any computation that would overflow."""
     names = ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")
     positions = np.zeros((len(names), 3, 2))
     positions[3, 0, 1] = -1e308

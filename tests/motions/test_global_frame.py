@@ -1,4 +1,4 @@
-"""The thorax against the global frame, and the clavicle by the global y: turned by hand, left and right, refusals."""
+"""The thorax relative to the global frame, the clavicle by the global y axis: rotated by hand, both sides, refusals."""
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,7 @@ MAP = 'unit = "mm"\nglobal = ["x", "z", "-y"]\n'
 
 
 def laboratory(tmp_path, mirrored=False, R=R_GLOBAL_THORAX):
-    """A trial of a person whose thorax is turned in the laboratory; a mirrored one is a left shoulder."""
+    """Write a trial of a person whose thorax is rotated in the laboratory; a mirrored one is a left shoulder."""
     trial = simulated_trial(np.linspace(5.0, 130.0, 200))
     mirror = np.array([[-1.0], [1.0], [1.0]]) if mirrored else 1.0
     lab = {name: R_LAB_GLOBAL @ R @ (mirror * mm) + 500.0 for name, mm in trial.thorax_mm.items()}
@@ -60,7 +60,7 @@ def test_a_turned_thorax_comes_out_in_every_posture(tmp_path, side, at):
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_the_clavicle_by_the_global_y_begins_where_its_frame_has_it(tmp_path, side):
-    """Beside the library: the rotation between the two frames of the clavicle with the arm lowest, by hand."""
+    """Against the library: by hand, the rotation between the two clavicle frames with the lowest arm."""
     path, trial = laboratory(tmp_path, side == "left")
     options = ("--map", tmp_path / "lab.toml", "--side", side)
     for word in ("thorax", "global"):
@@ -74,7 +74,7 @@ def test_the_clavicle_by_the_global_y_begins_where_its_frame_has_it(tmp_path, si
     for SC, AC in zip(trial.thorax_mm["SC"].T[lowest], trial.thorax_mm["AC"].T[lowest], strict=True):
         frames = [clavicle_frame(SC, AC, y) for y in (np.array([0.0, 1.0, 0.0]), y_global)]
         turn = Rotation.from_matrix(frames[0].T @ frames[1]).as_rotvec(degrees=True)
-        np.testing.assert_allclose(turn[1:], 0.0, atol=1e-9)  # about the clavicle's own axis alone
+        np.testing.assert_allclose(turn[1:], 0.0, atol=1e-9)  # the rotation is about the clavicle's own axis alone
         apart.append(turn[0])
     begins = float(np.median(apart))
     assert abs(begins) > 5.0

@@ -1,4 +1,4 @@
-"""How the humerus was held: by landmarks, by columns, by the name of the motion, or assumed; the last gives way."""
+"""Pose of the humerus: from landmarks, from columns, from the motion's name, or assumed, in this order of priority."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ NAMES = ["abduction", "forward_flexion", "scapular_elevation", "horizontal_flexi
 
 
 def motions(extra: dict[str, list[str]] | None = None) -> Motions:
-    """A posture of each motion, raised by 40 degrees."""
+    """Make one posture of each motion, raised by 40 degrees."""
     count = len(NAMES)
     return Motions(
         subject=np.array(["one"] * count),
@@ -56,7 +56,7 @@ def test_a_name_says_the_plane_and_the_arm_does_not_turn_about_itself():
     np.testing.assert_allclose(e, 40.0)
     np.testing.assert_allclose(p + q, [0.0, 0.0, 0.0, 0.0, -20.0, 0.0])
     turn = Rotation.from_matrix(np.moveaxis(humerus_rotation(pose.angles), -1, 0)).as_rotvec(degrees=True)
-    np.testing.assert_allclose(np.delete(turn[:, 1], 4), 0.0, atol=1e-9)  # a swing has a horizontal axis
+    np.testing.assert_allclose(np.delete(turn[:, 1], 4), 0.0, atol=1e-9)  # the axis of a swing is horizontal
     np.testing.assert_allclose(np.linalg.norm(np.delete(turn, 4, axis=0), axis=1), 40.0)
 
 
@@ -75,7 +75,7 @@ def test_columns_come_before_names_where_both_have_a_number():
 
 
 def test_landmarks_come_before_columns():
-    """Elbow and GH as an arm raised by 60 degrees in a plane of 20, turned by -50, has them; missing in one posture."""
+    """Elbow and GH of an arm raised by 60 degrees in the plane 20, rotated by -50; missing in one posture."""
     angles = np.repeat(np.array([[20.0], [60.0], [-50.0]]) / DEG, len(NAMES), axis=1)
     R = humerus_rotation(angles)
     GH = np.repeat([[170.0], [-20.0], [60.0]], len(NAMES), axis=1)
@@ -106,7 +106,7 @@ def test_without_an_elevation_there_is_no_pose():
 
 
 def raised(name: str, plane: list[str], axial: list[str] | None = None) -> Motions:
-    """Postures of one motion."""
+    """Make postures of one motion."""
     rows = motions({PLANE: [*plane, "", "", ""], AXIAL: [*(axial or ["-20"] * 3), "", "", ""]})
     return replace(rows, motion=np.array([name] * len(NAMES)))
 

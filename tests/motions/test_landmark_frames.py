@@ -1,4 +1,4 @@
-"""The bones' frames and angles from landmarks: by hand, against SciPy, there and back, left and right."""
+"""Frames and angles of the bones from landmarks: by hand, against SciPy, there and back, both sides."""
 
 import numpy as np
 import pytest
@@ -22,10 +22,10 @@ from motions.landmarks.girdle_angles import estimated_axial_deg, frame_angles
 from motions.motion_csv.cells import Side
 
 EXACT = 1e-9
-"""mm and degrees, of every round trip; rounding of coordinates of 1000 mm is 1e-13."""
+"""Tolerance in mm and degrees of every round trip; the rounding of coordinates of 1000 mm is 1e-13."""
 
 ROUNDED_DEG = 0.002
-"""The measured motions are rounded to a thousandth of a degree, in both frames."""
+"""Tolerance: the measured motions are rounded to a thousandth of a degree, in both frames."""
 
 SHAPE_MM = {
     "SC": np.array([20.0, -8.0, 12.0]),
@@ -36,18 +36,18 @@ SHAPE_MM = {
     "elbow": np.array([0.0, -280.0, 0.0]),
     "epicondyle": np.array([35.0, 0.0, 0.0]),
 }
-"""SC in the thorax, AC in the clavicle, TS, AI and GH in the scapula, the elbow and half its width in the humerus."""
+"""SC in the thorax, AC in the clavicle, TS, AI and GH in the scapula, elbow and half its width in the humerus frame."""
 
 ANGLES = st.tuples(
     st.floats(-80, 20), st.floats(-30, 60), st.floats(-20, 80), st.floats(-40, 80), st.floats(-60, 60)
 ).map(np.array)
-"""Degrees: clavicle y, z; scapula y, z, x."""
+"""Angles in degrees: clavicle y, z; scapula y, z, x."""
 ARM = st.tuples(st.floats(-60, 120), st.floats(5, 170), st.floats(-90, 90)).map(np.array)
 TURN = st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180)).map(np.array)
 
 
 def girdle_mm(angles_deg, arm_deg=(0.0, 30.0, 0.0)) -> dict[str, np.ndarray]:
-    """The landmarks of a right girdle in the thorax frame, by SciPy's rotations; clavicle y, z, scapula y, z, x."""
+    """Place the landmarks of a right girdle in the thorax frame by SciPy's rotations, from the five angles."""
     clavicle = Rotation.from_euler("YZ", angles_deg[:2], degrees=True)
     scapula = Rotation.from_euler("YZX", angles_deg[2:], degrees=True)
     humerus = Rotation.from_euler("YZY", arm_deg, degrees=True)
@@ -66,32 +66,32 @@ def girdle_mm(angles_deg, arm_deg=(0.0, 30.0, 0.0)) -> dict[str, np.ndarray]:
 
 
 def moved(points: dict[str, np.ndarray], turn_deg, shift=(500.0, -200.0, 900.0)) -> dict[str, np.ndarray]:
-    """The landmarks in another laboratory frame."""
+    """Move the landmarks to another laboratory frame."""
     rotation = Rotation.from_euler("XYZ", turn_deg, degrees=True).as_matrix()
     return {name: rotation @ xyz + np.array(shift)[:, None] for name, xyz in points.items()}
 
 
 def mirrored(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The other shoulder of the same person, in the thorax frame."""
+    """Mirror the landmarks to the other shoulder of the same person, in the thorax frame."""
     return {name: xyz * np.array([-1.0, 1.0, 1.0])[:, None] for name, xyz in points.items()}
 
 
 def test_the_thorax_frame_by_hand():
-    """IJ at the origin, C7 behind and above, PX and T8 below: up, right and backward are the axes."""
+    """IJ at the origin, C7 behind and above, PX and T8 below: the axes are right, up and backward."""
     points = {"IJ": (0, 0, 0), "C7": (0, 60, 100), "PX": (0, -200, 10), "T8": (0, -140, 90)}
     R = thorax_frame(*(np.array(points[name], float) for name in ("IJ", "PX", "C7", "T8")))
     np.testing.assert_allclose(R, np.eye(3), rtol=0.0, atol=1e-15)
 
 
 def test_a_thorax_lying_on_its_back_in_a_z_up_laboratory():
-    """Head along +x, face up (+z): cranial is +x, backward -z, and right, cranial cross backward, +y."""
+    """Head along +x, face up (+z): cranial is +x, backward -z, and right = cranial x backward is +y."""
     points = {"IJ": (0, 0, 0), "C7": (60, 0, -100), "PX": (-200, 0, -10), "T8": (-140, 0, -90)}
     R = thorax_frame(*(np.array(points[name], float) for name in ("IJ", "PX", "C7", "T8")))
     np.testing.assert_allclose(R.T, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], rtol=0.0, atol=1e-15)
 
 
 def test_clavicle_scapula_and_humerus_by_hand():
-    """A clavicle straight backward-lateral is retracted by 45 degrees; a scapula in the frontal plane is not turned."""
+    """A clavicle midway between backward and lateral is retracted by 45 degrees; a frontal scapula is not rotated."""
     y = np.array([0.0, 1.0, 0.0])
     R = clavicle_frame(np.zeros(3), np.array([100.0, 0.0, 100.0]), y)
     np.testing.assert_allclose(R, Rotation.from_euler("Y", -45, degrees=True).as_matrix(), rtol=0.0, atol=1e-15)
@@ -119,7 +119,7 @@ def test_humerus_angles_against_scipy(arm_deg):
 @settings(max_examples=50, deadline=None)
 @given(ANGLES, ARM, TURN)
 def test_positions_to_angles_to_positions(angles_deg, arm_deg, turn_deg):
-    """In any laboratory frame: the angles that SciPy placed the bones at, and from them the same positions."""
+    """In any laboratory frame the computed angles are SciPy's, and give the same positions again."""
     points = girdle_mm(angles_deg, arm_deg)
     found = frame_angles(moved(points, turn_deg), "right", "file")
     known = found.angles_deg[0, [0, 1, 3, 4, 5]]
@@ -188,7 +188,7 @@ def test_isb_angles_are_the_same_rotation_in_isbs_axes(angles_deg):
 
 
 def aa_from_ac_deg(scapula_ac_deg: np.ndarray) -> np.ndarray:
-    """R_thorax_AA = R_thorax_AC R_AC_AA, by SciPy."""
+    """Compute R_thorax_AA = R_thorax_AC R_AC_AA, by SciPy."""
     R_thorax_ac = Rotation.from_euler("YZX", scapula_ac_deg, degrees=True)
     return (R_thorax_ac * Rotation.from_matrix(KOLZ.R_ac_aa)).as_euler("YZX", degrees=True)
 
@@ -210,7 +210,7 @@ def test_aa_to_ac_and_back(scapula):
 
 def test_aa_reads_as_less_protracted_and_less_laterally_rotated():
     """Ludewig 2010: 11.6 degrees less internal rotation, and at full elevation 12.4 less upward rotation and 6.1 more
-    posterior tilt. One constant rotation of other scapulae gives these signs, within its uncertainty and theirs."""
+    posterior tilt. One constant rotation from other scapulae gives these signs, within both uncertainties."""
     raised = np.array([[40.0, 54.4, 0.0]])
     difference = (aa_from_ac_deg(raised) - raised)[0]
     assert (np.sign(difference) == [-1, -1, 1]).all()
@@ -219,7 +219,7 @@ def test_aa_reads_as_less_protracted_and_less_laterally_rotated():
 
 
 def test_aa_to_ac_of_the_measured_shoulders(measured_files):
-    """Both frames of the same six shoulders, converted by others: the direction of the rotation and its size."""
+    """The same six shoulders in both frames, converted by others: direction and size of the rotation agree."""
     checked = 0
     for path in measured_files:
         other = path.parent.with_name("motions_aa") / path.name
@@ -237,7 +237,7 @@ def test_aa_to_ac_of_the_measured_shoulders(measured_files):
 
 
 def test_the_estimate_of_a_girdle_at_rest_is_zero_and_of_a_joint_turn_its_half():
-    """Scapula turned by 40 degrees about the clavicle, which stays: each joint takes 20."""
+    """The scapula rotates by 40 degrees about a clavicle that does not move: each joint takes 20."""
     rest = np.array([-30.0, 10.0, np.nan, 30.0, 10.0, -10.0])
     axis = Rotation.from_euler("YZ", rest[:2], degrees=True).apply([1.0, 0.0, 0.0])
     scapula = Rotation.from_rotvec(np.radians(40.0) * axis) * Rotation.from_euler("YZX", rest[3:], degrees=True)

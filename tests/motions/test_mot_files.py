@@ -1,4 +1,4 @@
-"""Angles in files of OpenSim: through them and back, units, names of columns, and the traps."""
+"""Angles in OpenSim files: there and back, units, names of columns, and the traps."""
 
 import numpy as np
 import pytest
@@ -95,13 +95,13 @@ def test_isb_angles_are_through_aa_unless_the_file_says_ac(tmp_path):
 
 
 def test_fewer_than_three_angles_in_every_row(tmp_path):
-    """Found by fuzzing."""
+    """Regression test for a fault found by fuzzing."""
     path = mot(tmp_path, ["name", "inDegrees=yes", "endheader", "time clavicle_y clavicle_z other", "0 -30 10 5"])
     refused(path, "no posture has 3 angles; of columns there are clavicle_y, clavicle_z", "it has time, clavicle_y")
 
 
 def angles_as(folder, names, unit="yes", factor=1.0, name="trial.sto"):
-    """Nine postures of the trial as a file of OpenSim, its columns under other names."""
+    """Write nine postures of the trial as an OpenSim file with other column names."""
     trial = simulated_trial(ELEVATIONS)
     columns = np.column_stack([np.arange(9.0), factor * trial.elevation_deg, factor * trial.angles_deg])
     rows = [" ".join(map(repr, map(float, row))) for row in columns]
@@ -126,7 +126,7 @@ def test_one_row_in_radians_is_enough_where_both_bones_are_there(tmp_path):
 
 
 def test_angles_in_two_units_are_named_both(tmp_path):
-    """Neither word of inDegrees would be right."""
+    """Neither value of inDegrees would be right."""
     trial = simulated_trial(ELEVATIONS)
     names = ["humerus_elevation", *ANGLES]
     head = ["states", "inDegrees=no", "endheader", " ".join(["time", *names])]
@@ -159,7 +159,8 @@ def test_a_spreadsheets_mot_with_names_of_a_motion_file(tmp_path, separator, dec
 
 
 def test_names_of_opensims_states_are_those_of_its_coordinates(tmp_path):
-    """``.osim`` files of this project have these coordinates; its scapulothoracic joint has others, which are named."""
+    """``.osim`` files of this project have these coordinates; OpenSim's scapulothoracic joint has others, which are
+    named."""
     clavicle = [f"/jointset/sternoclavicular/{name}/value" for name in ANGLES[:3]]
     trial, path = angles_as(tmp_path, ["humerus_elevation", *clavicle, *ANGLES[3:]], "no", np.pi / 180.0)
     np.testing.assert_allclose(read_any(path, Mapping(), LABELS).angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
@@ -172,7 +173,7 @@ def test_names_of_opensims_states_are_those_of_its_coordinates(tmp_path):
 
 
 def test_angles_of_the_ac_joint_are_asked_about(tmp_path):
-    """As in DAS3: the scapula's are relative to the clavicle. By scipy, R_thorax_scapula = R_clavicle R_joint."""
+    """As in DAS3, the scapula is relative to the clavicle. Expected by scipy: R_thorax_scapula = R_clavicle R_joint."""
     trial, _ = angles_as(tmp_path, ["humerus_elevation", *ANGLES])
     clavicle, scapula = (
         Rotation.from_euler("YZX", part, degrees=True) for part in np.split(trial.angles_deg, 2, axis=1)

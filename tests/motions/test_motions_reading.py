@@ -1,4 +1,4 @@
-"""Reading motion files: what is read, what is refused, and what the refusal says."""
+"""Reading motion files: accepted contents, refusals, and the messages of the refusals."""
 
 import os
 import shutil
@@ -61,7 +61,7 @@ def test_another_separator_is_named(tmp_path, separator, word):
 
 @pytest.mark.parametrize("first", ["", "sep=;\n", "\n"])
 def test_semicolons_and_decimal_commas_are_read_as_commas_and_points(tmp_path, first):
-    """As a spreadsheet writes them where a comma is the decimal sign; a comma in a name stays."""
+    """Spreadsheets write such files where the comma is the decimal sign; a comma in a name stays."""
     row = "P1,abduction,1,10.5,-30.25,12,,32,-1.5,-10.125,20.5,15.25,170,4.5"
     header = HEADER + ",AC_x_mm,AC_y_mm,AC_z_mm,humerus_plane_deg"
     expected = read_motions(written(tmp_path, table(row, header=header)))
@@ -234,7 +234,7 @@ def test_a_file_that_cannot_be_used(tmp_path, text, row, cause, remedy):
 
 
 def with_cell(column: str, text: str) -> str:
-    """A file whose third line has the text in the column."""
+    """Return a file whose third line has the text in the column."""
     cells = dict(zip(HEADER.split(","), ROW.split(","), strict=True)) | {"posture": "2", column: text}
     return table(ROW, ",".join(cells.values()))
 
@@ -424,7 +424,7 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, content):
 def test_any_cell_is_read_or_refused(tmp_path_factory, column, cell):
     path = written(tmp_path_factory.getbasetemp(), with_cell(column, cell), "cell.csv")
     with suppress(InputError), warnings.catch_warnings():
-        warnings.simplefilter("ignore", InputWarning)  # an angle that nobody has at rest is read, and told of
+        warnings.simplefilter("ignore", InputWarning)  # implausible rest angles are read, with a warning
         assert isinstance(read_motions(path), Motions)
 
 
@@ -442,7 +442,7 @@ def test_the_published_motions_are_read(tmp_path):
 
 
 def test_a_pipe_is_read_as_the_file_would_be(tmp_path):
-    """It can be read only once."""
+    """A pipe can be read only once."""
     text = table(*rows_of("P1"), *rows_of("P2"))
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -468,7 +468,7 @@ def test_motions_whose_names_differ_in_case_alone_raise_a_warning():
 
 
 def test_subjects_whose_names_differ_in_case_are_named():
-    """Their adapted models would be one file where case counts for nothing."""
+    """Their adapted models would have the same file name on a file system that ignores case."""
     motions = simulate_subjects(2, seed=1)
     warn_of_alike_motions(
         replace(motions, subject=np.where(motions.subject == motions.subjects[0], "P1_1", "P11")), "it"

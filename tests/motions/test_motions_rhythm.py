@@ -10,7 +10,7 @@ from motions.rotations import rotation_from_cardan
 from motions.table import ANGLES
 
 STEP_DEG = 0.01
-"""Grid of the search; the minimum is between the neighbours of its lowest point."""
+"""Grid step of the search; the minimum lies between the neighbours of the lowest grid point."""
 
 
 @pytest.mark.parametrize(("plane", "elevation"), [(0.0, 0.0), (0.0, 90.0), (90.0, 60.0), (45.0, 120.0)])
@@ -45,7 +45,7 @@ def test_the_axial_rotation_turns_the_joints_least(plane, elevation):
 
 
 def test_joints_that_turned_about_the_clavicle_alone_share_the_turn():
-    """Clavicle at rest but for its axis, scapula turned by 40 degrees about the clavicle: 20 for each joint."""
+    """The clavicle is at rest except for its axis, the scapula rotates by 40 degrees about it: 20 for each joint."""
     clavicle, scapula = (jnp.asarray(part / 180 * np.pi) for part in (REST_DEG[:3], REST_DEG[3:]))
     R_clavicle, R_scapula = rotation_from_cardan(clavicle), rotation_from_cardan(scapula)
     axis = Rotation.from_rotvec(np.radians(40.0) * np.asarray(R_clavicle)[:, 0])

@@ -19,10 +19,10 @@ from motions.rotations import (
 )
 
 TOLERANCE = 1e-14
-"""A few rounding errors of products of sines and cosines."""
+"""Tolerance: a few rounding errors of products of sines and cosines."""
 
 ANGLE_TOLERANCE = 1e-8
-"""Radians: near gimbal lock, excluded below 0.6 degrees, an arc tangent magnifies rounding a hundredfold."""
+"""Tolerance in radians: near gimbal lock, tested up to 0.6 degrees from it, arc tangents magnify rounding 100 times."""
 
 TURN = st.floats(-np.pi + 1e-6, np.pi - 1e-6)
 CARDAN = st.tuples(TURN, st.floats(-1.56, 1.56), TURN)
@@ -37,9 +37,9 @@ def matrix(*angles_deg: float) -> np.ndarray:
     ("angles_deg", "images"),
     [
         ((0.0, 0.0, 0.0), (X, Y, Z)),
-        ((90.0, 0.0, 0.0), (-Z, Y, X)),  # protraction brings the lateral end to the front; z points backward
-        ((0.0, 90.0, 0.0), (Y, -X, Z)),  # elevation brings the lateral end up
-        ((0.0, 0.0, 90.0), (X, Z, -Y)),  # backward tipping brings the upper side to the back
+        ((90.0, 0.0, 0.0), (-Z, Y, X)),  # protraction moves the lateral end forward; z points backward
+        ((0.0, 90.0, 0.0), (Y, -X, Z)),  # elevation moves the lateral end up
+        ((0.0, 0.0, 90.0), (X, Z, -Y)),  # backward tipping moves the upper side backward
     ],
 )
 def test_quarter_turns_by_hand(angles_deg, images):
@@ -80,7 +80,7 @@ def test_the_series_of_small_vectors_is_exact_up_to_its_end(squared):
 
 
 def test_a_batch_is_its_members():
-    """Of numpy arrays, whose indices have an end, as of JAX's."""
+    """Holds for numpy arrays, whose indices are checked, as for JAX arrays."""
     generator = np.random.default_rng(1)
     angles = generator.uniform(-1.5, 1.5, (3, 4, 5))
     vectors = generator.normal(size=(3, 4, 5))
@@ -109,7 +109,7 @@ def test_the_vector_of_a_rotation_is_that_which_made_it(axis, angle):
 
 
 LOG_TOLERANCE = 1e-12
-"""Up to 2.4 degrees from half a turn, where the axis is that of a sine of 0.04."""
+"""Tolerance up to 2.4 degrees from half a turn, where the axis is divided by a sine of 0.04."""
 
 
 def test_no_rotation_has_no_vector_and_a_batch_is_elementwise():
@@ -128,5 +128,5 @@ def test_near_half_a_turn_the_axis_is_as_sure_as_its_sine_and_the_angle_is_exact
 
 
 def test_the_axis_of_half_a_turn_is_not_found():
-    """Of no vector the length is still finite: a caller sees zero, not NaN."""
+    """The length of the zero vector is still finite: the caller gets zero, not NaN."""
     assert np.isfinite(vector_from_rotation(jnp.diag(jnp.array([1.0, -1.0, -1.0])))).all()

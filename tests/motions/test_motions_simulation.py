@@ -1,4 +1,4 @@
-"""Simulated subjects: what is drawn, and that the shipped file is what the function makes."""
+"""Simulated subjects: the distribution of the draws, and the shipped file equals the function's output."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from motions.rhythm_subjects import (
 )
 
 MANY = 4000
-"""Subjects enough to know a standard deviation to 1.1 %, one standard error."""
+"""Number of subjects that gives a standard deviation to 1.1 % (one standard error)."""
 
 
 def test_the_shipped_file_is_what_the_function_makes(tmp_path):

@@ -1,4 +1,4 @@
-"""Writing motion files: the same arrays come back, and a file is whole or not there."""
+"""Writing motion files: the same arrays are read back, and a file is complete or absent."""
 
 import csv
 import warnings
@@ -18,16 +18,16 @@ NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"
     lambda name: name == name.strip()
 )
 CELLS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=6)
-# Scapular protraction and lateral rotation above pi and clavicular retraction: neither radians nor a left shoulder.
+# Scapular protraction and lateral rotation above pi, and clavicular retraction: neither radians nor a left shoulder.
 ANGLE = st.floats(-180.0, 180.0) | st.just(np.nan)
 PROTRACTION, RETRACTION = st.floats(20.0, 60.0), st.floats(-60.0, -4.0)
-# Large enough to be mm.
+# Large enough to be read as mm.
 COORDINATE = st.floats(50.0, 1e6)
 
 
 @st.composite
 def fields(draw) -> dict:
-    """The fields of Motions that can be read again."""
+    """Draw fields of Motions that can be read back."""
     count = draw(st.integers(1, 5))
 
     def column(values: st.SearchStrategy) -> np.ndarray:
@@ -64,7 +64,7 @@ def assert_same(left: Motions, right: Motions) -> None:
 def test_what_was_written_is_read_again(tmp_path_factory, arrays):
     motions, path = Motions(**arrays), tmp_path_factory.getbasetemp() / "round_trip.csv"
     write_motions(motions, path)
-    with warnings.catch_warnings(action="ignore", category=InputWarning):  # of angles that no person has
+    with warnings.catch_warnings(action="ignore", category=InputWarning):  # random angles are implausible
         assert_same(read_motions(path), motions)
 
 

@@ -1,4 +1,4 @@
-"""Motion files of millions of rows: what a row takes of memory, and that the order of files does not depend on it."""
+"""Motion files of millions of rows: memory per row, and results that do not depend on the order of reading."""
 
 import tracemalloc
 from pathlib import Path
@@ -11,11 +11,11 @@ from motions import read_motions
 HEADER, *ROWS = shipped_lines(10)
 
 BYTES_A_ROW = 400.0
-"""Two million rows are to be read in 1 GB, of which 0.25 are the program's own."""
+"""Limit per row: two million rows are to be read in 1 GB, of which the program itself takes 0.25 GB."""
 
 
 def many(folder: Path, copies: int, takes_turns: bool) -> Path:
-    """Copies of the shipped subjects, one after another, or a posture of each in turn."""
+    """Write copies of the shipped subjects, one after another, or alternating posture by posture."""
     rows = [[row.replace("simulated", f"copy{copy}_", 1) for row in ROWS] for copy in range(copies)]
     turns = zip(*rows, strict=True) if takes_turns else rows
     return written(folder, [HEADER, *(row for some in turns for row in some)], f"{copies}.csv")
@@ -38,7 +38,7 @@ def test_a_row_takes_little_memory_whether_or_not_subjects_take_turns(tmp_path, 
 
 
 def test_columns_and_rows_keep_the_order_of_the_files_whoever_ends_first(tmp_path):
-    """The first subject has rows in both files, so that the second, of the last file alone, ends before it."""
+    """The first subject has rows in both files; the second one, of the last file alone, is complete before it."""
     header, row = HEADER.removesuffix(",origin"), ROWS[0].removesuffix(",simulated")
     first, last = tmp_path / "first.csv", tmp_path / "last.csv"
     first.write_text(f"{header},b,a\n{row},1,2\n")

@@ -1,4 +1,4 @@
-"""A checkout of Spartacus in small, with made-up numbers: what is read, what is put right, what is left out and why."""
+"""A small checkout of Spartacus with invented numbers: contents that are read, corrected, or left out with a reason."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ ARM = np.arange(20.0, 121.0, 10.0)
 AC, AA = "vec(TS>AC)", "vec(TS>AA)"
 THORAX = "vec((T8+PX)/2>(C7+IJ)/2)"
 
-# ISB's alpha, beta, gamma over the arm's angle: made up, with the signs of a right shoulder.
+# ISB's alpha, beta, gamma over the arm's angle: invented, with the signs of a right shoulder.
 CURVES = {
     "SC_protraction": -20.0 - 0.15 * ARM,
     "SC_elevation": -8.0 - 0.08 * ARM,
@@ -103,7 +103,7 @@ def test_aa_needs_the_stated_rotation_and_gets_it_the_right_way_round(tmp_path):
 
 @pytest.mark.parametrize("listed", [True, False])
 def test_upward_rotation_of_moissenet_is_turned_round_once_listed_or_not(tmp_path, listed):
-    """Its files have the other sign, and `corrections.csv` lists only those of the elevations."""
+    """These files have the opposite sign, and `corrections.csv` lists only the files of the elevations."""
     authors = "Moissenet et al."
     dense = np.linspace(20.0, 120.0, 1500)
     where = data(tmp_path, 14, authors, "6", dense, turned=("ST_medRotation",))
@@ -178,7 +178,7 @@ def test_a_file_that_is_not_there(tmp_path):
 
 @pytest.mark.parametrize("table", ["dataset_of_datasets", "dataset_clean_of_joint_data"])
 def test_a_column_that_is_missing_is_named(tmp_path, table):
-    """Found by fuzzing."""
+    """Regression test for a fault found by fuzzing."""
     authors = "Ludewig et al."
     data(tmp_path, 11, authors)
     folder = checkout(tmp_path, [study(11, authors)], joints(11, authors))
@@ -189,7 +189,7 @@ def test_a_column_that_is_missing_is_named(tmp_path, table):
 
 
 def test_a_curve_without_a_whole_row_is_named(tmp_path):
-    """Found by fuzzing."""
+    """Regression test for a fault found by fuzzing."""
     authors = "Ludewig et al."
     where = data(tmp_path, 11, authors)
     folder = checkout(tmp_path, [study(11, authors)], joints(11, authors))

@@ -1,8 +1,8 @@
 # pyright: reportArgumentType=false, reportReturnType=false
 # (pandas says "Series | DataFrame" of nearly every result)
-"""Wrong tables of postures that a laboratory makes, each named; measured and shipped ones pass without a word.
+"""Typical mistakes in tables of postures: each gets a warning that names it; correct tables get none.
 
-Each is made of the shipped subjects (simulated), or of the measured shoulders where they are there.
+Each table is made from the shipped subjects (simulated), or from the measured shoulders where these are available.
 """
 
 import warnings
@@ -27,7 +27,7 @@ TRIAL = DATA_FILE.parent / "simulated_trial.trc"
 
 
 def said_of(table: pd.DataFrame, folder: Path) -> str:
-    """What is said of a motion file with these rows, refusals included; empty if nothing."""
+    """Return all messages about a motion file with these rows, refusals included; empty if there are none."""
     table.to_csv(folder / "m.csv", index=False)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -39,7 +39,7 @@ def said_of(table: pd.DataFrame, folder: Path) -> str:
 
 
 def shipped() -> pd.DataFrame:
-    """One of the shipped subjects: abduction and forward flexion."""
+    """Return one of the shipped subjects: abduction and forward flexion."""
     table = pd.read_csv(DATA_FILE)
     return table[table["subject"] == "simulated01"].reset_index(drop=True)
 
@@ -70,7 +70,7 @@ def exchanged(a: str, b: str) -> Change:
 
 
 def held(table: pd.DataFrame) -> pd.DataFrame:
-    """The last three postures of each motion are copies of the one before."""
+    """Make the last three postures of each motion copies of the one before."""
     last = table.groupby("motion").cumcount() > 3
     table.loc[last, ANGLE_COLUMNS] = np.nan
     return table.assign(**table[ANGLE_COLUMNS].ffill())
@@ -142,7 +142,7 @@ def test_a_wrong_table_is_named(tmp_path, name):
 
 
 def test_a_posture_between_near_neighbours_is_out_of_line_by_less(tmp_path):
-    """A zero of a scapula in steps of 8 degrees of the arm: beside neighbours 75 degrees away nobody knows."""
+    """A zero between postures 8 degrees of the arm apart is named; between postures 75 degrees apart it may be true."""
     table = dense()
     assert not said_of(table, tmp_path)
     table.loc[8, "scapula_z_deg"] = 0.0
@@ -152,7 +152,7 @@ def test_a_posture_between_near_neighbours_is_out_of_line_by_less(tmp_path):
 
 
 def dense() -> pd.DataFrame:
-    """The abduction of the shipped subject at nineteen elevations, between those that it has."""
+    """Interpolate the abduction of the shipped subject at nineteen elevations."""
     coarse = shipped()[:7]
     at = np.linspace(0.0, 150.0, 19)
     columns = {name: np.interp(at, coarse["humerus_elevation_deg"], coarse[name]) for name in ANGLE_COLUMNS}
@@ -161,7 +161,7 @@ def dense() -> pd.DataFrame:
 
 
 def test_frames_of_an_export_that_stopped_are_named(tmp_path):
-    """Numbers of many digits are never the same; those of few may be, of a person who stands still."""
+    """Numbers of many digits never repeat; rounded numbers may, for a person who stands still."""
     table = dense().assign(humerus_elevation_deg=30.0)
     table[ANGLE_COLUMNS] = shipped()[ANGLE_COLUMNS].iloc[0].to_numpy() + 0.1 * np.arange(19)[:, None] + 1.0 / 3.0
     table.loc[10:, ANGLE_COLUMNS] = table.loc[10, ANGLE_COLUMNS].to_numpy()
@@ -178,7 +178,7 @@ def test_postures_rounded_to_degrees_may_be_the_same(tmp_path):
 
 
 def test_a_scapula_that_turns_inward_while_the_clavicle_carries_it_forward_is_named(tmp_path):
-    """Horizontal flexion: 90 degrees minus the protraction is as large as the protraction itself, and runs backward."""
+    """In horizontal flexion, 90 degrees minus the protraction is as large as the protraction and changes backward."""
     count, rest = 12, shipped()[ANGLE_COLUMNS].iloc[3].to_numpy(float)
     angles = rest + np.outer(np.linspace(0.0, 12.0, count), [1.0, 0.1, 0.1, 0.9, 0.1, 0.1])
     names = {"subject": "P", "motion": "horizontal_flexion", "posture": np.arange(1, count + 1)}
@@ -190,13 +190,13 @@ def test_a_scapula_that_turns_inward_while_the_clavicle_carries_it_forward_is_na
 
 @pytest.fixture(scope="module")
 def measured_positions(measured_files: tuple[Path, ...]) -> list[pd.DataFrame]:
-    """The measured shoulders with SC and AA, or a skip."""
+    """Return the measured shoulders with SC and AA, or skip."""
     folder = measured_files[0].parent.with_name("motions_positions")
     return [pd.read_csv(path) for path in sorted(folder.glob("*.csv"))]
 
 
 def converted(folder: Path) -> pd.DataFrame:
-    """The shipped trial with the angles of its landmarks and SC, AC, TS, AI beside them."""
+    """Return the shipped trial with angles computed from its landmarks, and SC, AC, TS, AI beside them."""
     at = tuple(range(10, 130, 10))
     write_motions(read_trial(TRIAL, at_deg=at), folder / "converted.csv")
     table = pd.read_csv(folder / "converted.csv")
@@ -216,7 +216,7 @@ def reversed_in_time(table: pd.DataFrame) -> pd.DataFrame:
 AGAINST_ANGLES: dict[str, tuple[Change, str]] = {
     "angles of the clavicle exchanged": (
         lambda table: exchanged("clavicle_z_deg", "clavicle_x_deg")(
-            table.assign(clavicle_x_deg=table["clavicle_x_deg"] + 15.0)  # its zero is a convention
+            table.assign(clavicle_x_deg=table["clavicle_x_deg"] + 15.0)  # the zero of this angle is a convention
         ),
         "with clavicle_z_deg and clavicle_x_deg exchanged. Are the columns what their names say",
     ),
@@ -247,8 +247,8 @@ def test_positions_that_the_angles_beside_them_do_not_have_are_named(tmp_path, n
 
 
 def test_rows_of_the_measured_positions_in_another_order_are_named(measured_positions, tmp_path):
-    """SC and AA are 1 to 3 mm (rms) from rigid bones at the measured angles, reversed 12 and more; but for one of six
-    shoulders, up to 42 mm and more."""
+    """SC and AA are 1 to 3 mm (rms) from rigid bones at the measured angles, and 12 to 42 mm and more if reversed in
+    time, except for one of the six shoulders."""
     named = 0
     for table in measured_positions:
         assert not said_of(table, tmp_path)
@@ -272,7 +272,7 @@ def test_a_number_without_its_leading_zero_is_another_subject(tmp_path):
 
 
 def test_one_angle_of_another_unit_in_a_file_of_angles_is_named(tmp_path):
-    """A .mot file says one unit for all of its columns."""
+    """A .mot file states one unit for all of its columns."""
     columns = {name.removesuffix("_deg"): shipped()[name][:7] for name in ("humerus_elevation_deg", *ANGLE_COLUMNS)}
     columns["scapula_z"] = np.radians(columns["scapula_z"])
     head = ["m", "version=1", "nRows=7", f"nColumns={len(columns) + 1}", "inDegrees=yes", "endheader"]

@@ -1,4 +1,4 @@
-"""The figures of a diagnosis: every kind of answer is drawn, the same each time, with its numbers in it."""
+"""Figures of a diagnosis: every kind of answer can be drawn, reproducibly, and shows its numbers."""
 
 from dataclasses import replace
 from functools import cache
@@ -16,7 +16,7 @@ def words(svg: str) -> list[str]:
 
 @cache
 def drawn_once(kind: str) -> dict[str, str]:
-    """For all tests: to draw takes half a second."""
+    """Draw once for all tests, because drawing takes half a second."""
     return figures(BY_KIND[kind])
 
 
@@ -29,7 +29,7 @@ def test_figures_are_valid_xml(kind):
 
 @pytest.mark.parametrize("kind", ["many", "nothing"])
 def test_figures_are_the_same_bytes_on_a_second_draw(kind):
-    """With and without causes: which marks are drawn changes nothing in how they are written."""
+    """With and without causes: the marks that are drawn do not change how the file is written."""
     assert drawn_once(kind) == figures(BY_KIND[kind])
 
 

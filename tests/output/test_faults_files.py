@@ -1,4 +1,4 @@
-"""What happens to the files when a run is killed, interrupted or short of disk, or when two runs share a folder."""
+"""State of the files after a run is killed, interrupted or out of disk space, or when two runs share a folder."""
 
 import errno
 import itertools
@@ -27,18 +27,18 @@ from motions.files import part_name
 TABLES = {"fits.csv", "heldout.csv", "parameters.csv", "summary.csv", "run.json"}
 
 FULL_KB = 164
-"""Of a small disk: two subjects need 30 kB, twice that for their part, all ten with their models five times as much."""
+"""Size of a small disk: two subjects need 30 kB, their part twice that, all ten with models five times as much."""
 
 COPIES = 120
-"""Of the ten subjects: 16 800 postures, more than numpy fits at once, so that programs are compiled."""
+"""Copies of the ten subjects: 16 800 postures, more than numpy fits at once, so that programs are compiled."""
 
 ENDS_WITHIN_S = 120
-"""A started process, on a machine that is busy with other tests."""
+"""Time limit for a started process, on a machine that is busy with other tests."""
 
 
 @pytest.fixture
 def quick(monkeypatch) -> None:
-    """Adaptations without a solver: of what they write, not of what they find."""
+    """Replace the adaptation by one without a solver: the tests check the files, not the results."""
     monkeypatch.setattr(parts, "adapt_subjects", quick_adaptations)
 
 
@@ -49,13 +49,13 @@ def motion(tmp_path) -> Path:
 
 @pytest.fixture
 def other(tmp_path) -> Path:
-    """Other motions: their results differ in every file."""
+    """Write other motions, whose results differ in every file."""
     return written(tmp_path, [line.replace("simulated0", "other") for line in shipped_lines(4)], "other.csv")
 
 
 @pytest.fixture(scope="module")
 def went_well(tmp_path_factory) -> Path:
-    """The folder of a run that went well, to be copied."""
+    """Return the folder of a successful run, to be copied."""
     folder = tmp_path_factory.mktemp("went_well")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(parts, "adapt_subjects", quick_adaptations)
@@ -65,13 +65,13 @@ def went_well(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def earlier(quick, went_well, tmp_path) -> Path:
-    """A folder with the files of an earlier run."""
+    """Return a folder with the files of an earlier run."""
     return shutil.copytree(went_well, tmp_path / "out")
 
 
 @pytest.fixture
 def small_disk(tmp_path) -> Iterator[Path]:
-    """A file system of its own with little room, where this machine lets one be mounted."""
+    """Mount a small file system, where this machine permits it."""
     folder = tmp_path / "small"
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={FULL_KB}k", "girdle-test", str(folder)]
@@ -84,13 +84,13 @@ def small_disk(tmp_path) -> Iterator[Path]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below the folder, hidden ones too, but for the parts that the same run would go on with."""
+    """Return every file below the folder, also hidden ones, except the parts from which the same run would continue."""
     files = [path for path in folder.rglob("*") if path.is_file() and UNFINISHED not in path.parts]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def listening(command: list[str], environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
-    """A process that an interrupt reaches, even where the tests run in the background and do not hear one."""
+    """Start a process that receives interrupts, even where the tests run in the background and ignore them."""
     heard = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
@@ -107,7 +107,7 @@ def runs() -> Iterator[StartedRuns]:
 
 @pytest.fixture
 def started(runs, tmp_path) -> Callable[..., StartedRun]:
-    """Start the command in a process of its own, and come back when it is at the stage."""
+    """Start the command in a separate process, and return when it reaches the stage."""
     count = itertools.count()
     return lambda at, *arguments: StartedRun(runs, at, arguments, tmp_path / f"started{next(count)}")
 
@@ -135,7 +135,7 @@ def test_a_killed_run_leaves_the_earlier_results_and_the_next_one_clears_up(earl
 
 
 def test_a_run_killed_between_two_files_leaves_each_of_them_whole(earlier, other, started, tmp_path):
-    """The one moment when tables of two runs can stand side by side: milliseconds, and run.json tells."""
+    """Only for milliseconds can tables of two runs be present together; run.json shows it."""
     before = contents(earlier)
     assert girdle("adapt", other, "--out", tmp_path / "new").status == 0
     new = contents(tmp_path / "new")
@@ -167,7 +167,7 @@ def test_an_interrupt_in_mid_batch_ends_the_real_fits(tmp_path):
     many = [row.replace("simulated", f"copy{copy}_") for copy in range(COPIES) for row in rows]
     motion = written(tmp_path, [header, *many])
     command = [str(Path(sys.executable).with_name("girdle")), "fit", str(motion), "--out", str(tmp_path / "out")]
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}  # nothing compiled yet: it works for long
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}  # an empty cache: compilation takes long
     process = listening(command, environment)
     assert process.stderr is not None
     while not (tmp_path / "out").exists() and process.poll() is None:
@@ -184,7 +184,7 @@ def test_an_interrupt_in_mid_batch_ends_the_real_fits(tmp_path):
 
 def test_a_full_disk_is_status_2_and_leaves_the_earlier_results(quick, motion, tmp_path, small_disk):
     folder = small_disk / "out"
-    assert girdle("adapt", motion, "--out", folder).status in (0, 2)  # the report, 5 MB, has no room
+    assert girdle("adapt", motion, "--out", folder).status in (0, 2)  # 2: the report, 5 MB, does not fit
     before = contents(folder)
     assert set(before) > TABLES
     everyone = written(tmp_path, shipped_lines(10), "everyone.csv")
@@ -195,7 +195,7 @@ def test_a_full_disk_is_status_2_and_leaves_the_earlier_results(quick, motion, t
 
 @pytest.mark.parametrize("nth", range(1, 9))
 def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, other, monkeypatch, nth):
-    """The part, fits, parameters, heldout, summary, the two models, run.json: the ``nth`` of them finds no room."""
+    """The ``nth`` file does not fit: the part, fits, parameters, heldout, summary, the two models, run.json."""
     before, opened, count = contents(earlier), Path.open, iter(range(1, 100))
 
     def full(path: Path, mode: str = "r", **options: Any) -> Any:
@@ -217,7 +217,7 @@ def test_a_disk_with_room_for_the_tables_alone_gets_them_and_keeps_no_older_repo
 
     def full(path: Path, mode: str = "r", **options: Any) -> Any:
         file = opened(path, mode, **options)
-        if mode == "wb" and path.parent != earlier and (path.parent / "run.json").exists():  # what comes after it
+        if mode == "wb" and path.parent != earlier and (path.parent / "run.json").exists():  # files after run.json
             file.close()
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return file
@@ -265,7 +265,7 @@ def test_a_file_where_a_folder_should_be_changes_nothing(quick, motion, tmp_path
 
 
 def test_a_cache_that_cannot_be_used_is_no_matter(motion, tmp_path):
-    """No folder for compiled programs can be made below a file."""
+    """The cache folder for compiled programs would be below a file, so it cannot be made."""
     (tmp_path / "cache").write_text("")
     command = [str(Path(sys.executable).with_name("girdle")), "simulate", "--subjects", "1", "--out", "out"]
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
@@ -280,7 +280,7 @@ def test_a_cache_that_cannot_be_used_is_no_matter(motion, tmp_path):
 @pytest.mark.parametrize(
     "error",
     [
-        MemoryError("Unable to allocate 29.0 MiB for an array with shape (1680, 29, 78)"),  # as numpy says it
+        MemoryError("Unable to allocate 29.0 MiB for an array with shape (1680, 29, 78)"),  # numpy's message
         ImportError("_x.so: failed to map segment from shared object"),
         RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 8 bytes."),
         RuntimeError("can't start new thread"),
@@ -332,7 +332,7 @@ NAMES = ["../../x", "/etc/girdle", "..", ".", "a\nb", "\x1b]0;title\x07", "C:\\x
 
 
 def test_names_are_no_paths_no_commands_and_no_control_of_the_terminal(quick, tmp_path):
-    """Each shipped subject under a name that would do harm if it were used as more than a name."""
+    """Each shipped subject gets a name that would do harm if it were used as a path, a command or terminal output."""
     header, *rows = shipped_lines(1)
     lines = [header] + [row.replace("simulated01", f'"{name}"', 1) for name in NAMES for row in rows]
     home = tmp_path / "some" / "where"
@@ -351,7 +351,7 @@ def test_names_are_no_paths_no_commands_and_no_control_of_the_terminal(quick, tm
 
 
 def test_a_file_that_only_looks_like_a_part_is_kept(earlier, motion):
-    """What is swept up is what this program calls so, and nothing else."""
+    """Only files with this program's exact names for parts are removed."""
     mine = [earlier / ".notes.part", earlier / f"{part_name()}s", earlier / f"x{part_name()}"]
     for path in mine:
         path.write_text("mine")

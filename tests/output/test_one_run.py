@@ -1,4 +1,4 @@
-"""A folder holds one run: what another command, set or version left there goes; nothing of the user's own does."""
+"""A folder holds one run: files of another command, set or version are removed, the user's own files are not."""
 
 import subprocess
 from contextlib import suppress
@@ -20,7 +20,7 @@ ADAPTED = {*TABLES, "parameters.csv", "heldout.csv", "report.html", "models/R2_s
 
 @pytest.fixture
 def motion(tmp_path, monkeypatch) -> Path:
-    """One subject, and adaptations without a solver."""
+    """Write one subject, and replace the adaptation by one without a solver."""
     monkeypatch.setattr(parts, "adapt_subjects", quick_adaptations)
     return written(tmp_path, shipped_lines(1))
 
@@ -62,7 +62,7 @@ def test_the_list_is_what_sha256sum_checks(adapted):
 
 
 def test_files_of_the_user_stay(adapted, motion):
-    """Names that another command would write, too."""
+    """Also files with names that another command would write."""
     mine = {"notes.txt", "trust.csv", "models/mine.toml", "figures/one.svg", f"{UNFINISHED}/mine/1.npz"}
     for name in mine:
         (adapted / name).parent.mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ def test_files_of_the_user_stay(adapted, motion):
 
 @pytest.mark.parametrize("name", ["models/R2_simulated01.toml", "fits.csv"])
 def test_a_file_that_was_changed_since_is_kept_under_another_name(adapted, motion, name):
-    """One that goes, and one in whose place the new one stands."""
+    """One file that would be removed, and one that would be overwritten."""
     (adapted / name).write_text("mine")
     ended = fits(motion, adapted)
     assert ended.messages == [
@@ -128,7 +128,7 @@ def test_a_run_that_was_killed_while_it_replaced_files_leaves_none_that_the_next
     adapted, motion, monkeypatch
 ):
     class KilledError(BaseException):
-        """As kill -9 does: no clean-up knows of it."""
+        """End as by kill -9: no clean-up handles it."""
 
     def killed(*_: object) -> None:
         raise KilledError

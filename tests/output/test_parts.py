@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Batches in parts: any chunk, a stop and a cluster give the same results; nothing lost, nothing doubled."""
+"""Batches in parts: any chunk size, an interruption and a cluster give the same results; nothing is lost or doubled."""
 
 import importlib.util
 import io
@@ -36,14 +36,14 @@ from motions import InputError, MotionStream, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
 
 SAME = 1e-9
-"""Degrees, mm, mm^2: solutions are exact to rounding, whoever is solved beside them."""
+"""Tolerance in degrees, mm, mm^2: solutions are exact to rounding, whatever the batch."""
 
 TABLES = ("fits", "heldout", "parameters", "summary")
 
 
 @pytest.fixture(scope="module")
 def motion(tmp_path_factory) -> Path:
-    """Five simulated subjects."""
+    """Write five simulated subjects."""
     path = tmp_path_factory.mktemp("motion") / "motion.csv"
     write_motions(simulate_subjects(5, seed=3), path)
     return path
@@ -51,7 +51,7 @@ def motion(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(motion, tmp_path_factory) -> Path:
-    """Adapted in one part."""
+    """Adapt them in one part."""
     folder = tmp_path_factory.mktemp("whole")
     ended = girdle("adapt", motion, "--model", "R2", "--out", folder)
     assert ended.status == 0, ended.err
@@ -60,7 +60,7 @@ def whole(motion, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module", params=[(), ("--own-bones",)], ids=["plain", "own bones"])
 def asked(request, motion, tmp_path_factory) -> tuple[tuple[object, ...], Path]:
-    """An adaptation in five parts, and the folder of the same one in one part."""
+    """Return the arguments of an adaptation in five parts, and the folder of the same one in one part."""
     options, folder = (motion, "--model", "R2", *request.param), tmp_path_factory.mktemp("asked")
     ended = girdle("adapt", *options, "--out", folder)
     assert ended.status == 0, ended.err
@@ -95,7 +95,7 @@ def test_the_report_of_several_parts_says_that_it_is_a_sample(motion, tmp_path, 
 
 
 def test_a_part_is_what_its_subjects_are_alone(motion):
-    """The same numbers as from Python, bit by bit: they are written with all digits."""
+    """The numbers equal those from Python, bit by bit, because they are written with all digits."""
     motions = read_motions(motion)
     tables = adapt_subjects(motions, load_model("R2"))
     folder = motion.parent / "alone"
@@ -127,7 +127,7 @@ def test_of_subjects_that_the_report_does_not_show_the_statistics_are_kept(motio
 
 
 def test_arrays_hold_a_table_exactly_and_a_part_without_rows_changes_nothing():
-    """Numbers to the last bit, whole numbers as such, names of any length; and no table of no part at all."""
+    """Floats are exact, integers stay integers, names have any length; without parts there is an empty table."""
     names = ["s1", "a,b", "x" * 300, "ä"]
     table = pd.DataFrame({"subject": names, "gap_deg": [np.nan, np.inf, 0.1 + 0.2, 5e-324], "postures": range(4)})
     parts = [as_rows(part) for part in (table.iloc[:0], table.iloc[:1], table.iloc[1:])]
@@ -138,7 +138,7 @@ def test_arrays_hold_a_table_exactly_and_a_part_without_rows_changes_nothing():
 
 
 class StoppedError(Exception):
-    """As if the machine had been switched off."""
+    """Interruption, as if the machine had been switched off."""
 
 
 def test_a_stopped_run_goes_on_where_it_was(asked, tmp_path, monkeypatch):
@@ -176,7 +176,7 @@ def test_a_stopped_run_goes_on_where_it_was(asked, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("chunk", [1, 2, 3, None])
 def test_chunks_hold_every_posture_once(motion, chunk):
-    """Subjects that take turns, and are in two files, too."""
+    """Also for subjects whose rows alternate, and that are in two files."""
     header, *lines = motion.read_text().splitlines()
     turns = [line for k in range(14) for line in lines[k::14]]
     files = [motion.parent / "first.csv", motion.parent / "second.csv"]
@@ -210,7 +210,7 @@ def test_who_is_left_out_is_named_once(motion):
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
 @pytest.mark.filterwarnings("ignore")
 def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypatch):
-    """Two processes; one is killed as soon as the first part is there, while it holds work."""
+    """Two processes; one is killed after the first part is written, while it has work."""
     from distributed import Client, LocalCluster
 
     written = []
@@ -244,7 +244,7 @@ def test_an_address_without_a_scheduler_is_bad_input(motion, tmp_path, monkeypat
 
 
 def test_a_run_of_a_pipe_goes_on_with_no_other(motion, tmp_path):
-    """Files are known again by their hash; a pipe has none, and may hold something else the next time."""
+    """Input files are identified by their hash; a pipe has none, and may contain something else the next time."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     of_file, of_pipe = (inputs_record([path], ["R2"]) for path in (motion, pipe))
@@ -276,7 +276,7 @@ def test_a_process_that_the_system_ends_is_named_with_what_to_do(motion):
 
 
 def test_processes_end_with_the_one_that_asks_for_parts():
-    """Killed, it cannot tell them. Their output ends when the last of them has ended."""
+    """The asking process is killed and cannot tell its workers; their output ends when the last one has ended."""
     program = Path(__file__).parents[1] / "helpers" / "waiting_work.py"
     environment = os.environ | {"PYTHONPATH": str(program.parents[2])}
     with subprocess.Popen([sys.executable, program], stdout=subprocess.PIPE, text=True, env=environment) as asking:
@@ -287,7 +287,7 @@ def test_processes_end_with_the_one_that_asks_for_parts():
 
 
 def test_a_run_of_many_parts_is_shared_between_processes(motion, whole, tmp_path, monkeypatch):
-    """As the command decides it; on one core there is nothing to share."""
+    """The command decides by the number of parts and cores; on one core it starts no processes."""
     made = []
 
     def maker(given: Work, chunks: Chunks):

@@ -1,4 +1,4 @@
-"""Plots on axes of one's own: what they draw are the numbers of the tables."""
+"""Plots on given axes: they draw the numbers of the tables."""
 
 import numpy as np
 import pandas as pd

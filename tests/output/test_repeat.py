@@ -1,4 +1,4 @@
-"""What --repeat refuses: inputs that changed, records of other commands, records that are none."""
+"""Refusals of --repeat: changed inputs, records of other commands, invalid records."""
 
 import importlib.metadata
 import json
@@ -14,7 +14,7 @@ from models.parameter_sets import FOLDER
 
 @pytest.fixture
 def record(tmp_path) -> Path:
-    """The record of a run that never was, of two motion files, a shipped model and one of the user's own."""
+    """Write the record of an invented run, of two motion files, a shipped model and one of the user's own."""
     motions = [written(tmp_path, [f"x{k}"], f"{k}.csv") for k in (1, 2)]
     own = tmp_path / "own.toml"
     own.write_text((FOLDER / "R2.toml").read_text().replace('"R2"', '"own"'))
@@ -49,7 +49,7 @@ def test_a_record_of_another_command(record, tmp_path):
 
 
 def test_a_record_does_not_say_where_to_write(record, tmp_path):
-    """Not even where --out was forgotten."""
+    """The output folder of a record is not used, even where --out is missing."""
     changed(record, options={"weight": 5.0, "out": str(tmp_path / "elsewhere")})
     ended = girdle("adapt", "--repeat", record)
     refused(ended, str(record), "girdle adapt has no option 'out' to repeat", "Give the run.json of a run")
@@ -57,7 +57,7 @@ def test_a_record_does_not_say_where_to_write(record, tmp_path):
 
 
 def test_a_record_is_read_once(record, tmp_path, monkeypatch):
-    """It may be a pipe, or another one a moment later."""
+    """The file may be a pipe, or change a moment later."""
     read = []
     monkeypatch.setattr(repeat, "read_text", lambda path, remedy: read.append(path) or path.read_text())
     changed(record, versions={})
@@ -67,7 +67,7 @@ def test_a_record_is_read_once(record, tmp_path, monkeypatch):
 
 
 def test_other_versions_are_a_note(record, tmp_path):
-    """And the run goes on: here to its first file, which is none."""
+    """The run continues: here to its first file, which does not exist."""
     versions = json.loads(record.read_text())["versions"]
     changed(record, versions=versions | {"numpy": "0.1"})
     ended = girdle("adapt", "--repeat", record, "--out", tmp_path / "out")
@@ -78,7 +78,7 @@ def test_other_versions_are_a_note(record, tmp_path):
 
 
 def test_a_library_that_is_missing_is_recorded_as_none(monkeypatch):
-    """llvmlite may be: XLA does its work."""
+    """llvmlite may be missing: XLA does its work."""
 
     def missing(name):
         raise importlib.metadata.PackageNotFoundError(name)
@@ -114,7 +114,7 @@ def test_what_is_no_record(tmp_path, content, cause):
 
 @pytest.mark.parametrize("weight", ["x", [1], {"a": 1}, -1, True, None, 1e999])
 def test_an_option_of_another_kind_is_status_2(record, tmp_path, weight):
-    """Or, for null and true, which are a weight to the command line, the error of the first file."""
+    """For null and true, which the command line accepts as a weight, the error is that of the first file."""
     changed(record, options={"weight": weight})
     ended = girdle("adapt", "--repeat", record, "--out", tmp_path / "out")
     assert ended.status == 2

@@ -1,4 +1,4 @@
-"""Parameter sets diagnosed in processes of their own, against one after another."""
+"""Parameter sets diagnosed in separate processes give the results of one process."""
 
 import multiprocessing
 import os
@@ -45,7 +45,7 @@ def test_processes_find_what_one_finds_and_say_what_they_are_at(two_cores):
 
 
 class Dying:
-    """A model that ends the process that receives it."""
+    """A model that ends the process that unpickles it."""
 
     def __reduce__(self):
         return os._exit, (1,)

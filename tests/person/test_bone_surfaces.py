@@ -1,4 +1,4 @@
-"""Attachments carried by surfaces of synthetic bones: similarity, itself, a planted attachment."""
+"""Attachments carried between surfaces of synthetic bones: a similarity, the same bone, and a known attachment."""
 
 import numpy as np
 import pytest
@@ -9,11 +9,11 @@ from models.person.transfer.bone_surfaces import carried_points, similarity_by_i
 PLANTED_MM = 1.0
 
 ATTACHMENT = (0.4, 1.1)
-"""Where it is on the surface, in the surface's own coordinates."""
+"""Place of the attachment in the surface's own coordinates."""
 
 
 def bone(count: int, seed: int, size=(45.0, 75.0, 20.0), bump: float = 12.0) -> np.ndarray:
-    """A synthetic bone: an ellipsoid with a process and a notch, so that no turn leaves it as it is."""
+    """Make a synthetic bone: an ellipsoid with a process and a notch, so that no rotation maps the bone to itself."""
     rng = np.random.default_rng(seed)
     u, v = rng.uniform(-1.0, 1.0, count), rng.uniform(0.0, 2.0 * np.pi, count)
     return surface(u, v, size, bump)
@@ -45,7 +45,7 @@ def test_a_bone_carried_to_itself_is_unchanged():
 
 
 def test_a_planted_attachment_is_carried_within_1_mm():
-    """To a bone of another shape and size, its surface sampled anew; three landmarks are known on both."""
+    """Check a bone of another shape and size, with its surface sampled anew and three landmarks known on both."""
     other = (50.0, 79.0, 23.0), 15.0
     source, target = bone(6000, 3), bone(6000, 4, *other)
     R = Rotation.from_euler("xyz", [10.0, 25.0, -40.0], degrees=True).as_matrix()

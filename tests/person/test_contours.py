@@ -1,4 +1,4 @@
-"""Contours in synthetic slices: discs of known size, with noise, loops, jumps; the path against every other path."""
+"""Contours in synthetic slices: discs of known size, with noise, loops, jumps; the path against brute force."""
 
 from itertools import product
 
@@ -20,22 +20,22 @@ from models.person.contours.slice_stack import SliceClicks, doubtful, follow
 SIZE = 100
 
 CONTRAST = 100.0
-"""Grey levels between a disc and what surrounds it."""
+"""Grey levels between a disc and its surroundings."""
 
 NOISE = 8.0
-"""SD of a pixel."""
+"""SD of a pixel, in grey levels."""
 
 WITHIN_PX = 0.1
-"""Root mean square distance of a contour from the disc's edge, and the bias of its radius."""
+"""Tolerance for the root mean square distance of a contour from the disc's edge, and for the bias of its radius."""
 
 FAILED_PX = 3.0
-"""Largest distance from the edge of a contour that is taken to have failed."""
+"""Largest distance from the edge above which a contour counts as failed."""
 
 CENTRE, RADIUS = np.array([47.3, 52.6]), 24.4
 
 
 def painted(away_px: np.ndarray, noise: float, seed: int = 0) -> np.ndarray:
-    """An image of what is inside (negative distance), bright, blurred as by a scanner, with noise."""
+    """Paint an image: bright where ``away_px`` is negative, blurred as by a scanner, with noise."""
     sharp = CONTRAST * np.clip(0.5 - away_px, 0.0, 1.0)
     return gaussian_filter(sharp, 0.7) + noise * np.random.default_rng(seed).standard_normal(sharp.shape)
 
@@ -45,7 +45,7 @@ def pixels() -> np.ndarray:
 
 
 def from_disc(at: np.ndarray, centre=CENTRE, radius: float = RADIUS) -> np.ndarray:
-    """Signed distance to a circle, outside positive."""
+    """Compute the signed distance to a circle, positive outside."""
     return np.linalg.norm(at - np.reshape(centre, (2, *[1] * (at.ndim - 1))), axis=0) - radius
 
 
@@ -54,7 +54,7 @@ def disc(noise: float = NOISE, seed: int = 0) -> np.ndarray:
 
 
 def clicked(*angles_deg: float, off_px: float = 0.0, centre=CENTRE, radius: float = RADIUS) -> np.ndarray:
-    """Clicks around a circle, off its edge by so much to and fro."""
+    """Return clicks around a circle, alternately ``off_px`` outside and inside its edge."""
     radii = radius + off_px * (-1.0) ** np.arange(len(angles_deg))
     a = np.radians(angles_deg)
     return np.reshape(centre, (2, 1)) + radii * np.stack([np.cos(a), np.sin(a)])
@@ -62,7 +62,7 @@ def clicked(*angles_deg: float, off_px: float = 0.0, centre=CENTRE, radius: floa
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_contour_of_a_noisy_disc_lies_within_a_tenth_of_a_pixel(seed):
-    """Of four clicks, two pixels off the edge."""
+    """Check a contour from four clicks, two pixels off the edge."""
     found = drawn_contour(slopes_of(disc(seed=seed)), clicked(10, 100, 190, 280, off_px=2.0), Settings("bright"))
     away = from_disc(found.points_px)
     assert np.sqrt(np.mean(away**2)) < WITHIN_PX
@@ -82,7 +82,7 @@ def test_without_noise_the_polygon_of_the_contour_keeps_half_a_pixel():
 
 @pytest.mark.parametrize("clockwise", [False, True])
 def test_the_gradient_knows_which_side_is_inside(clockwise):
-    """Between two edges, the outer edge of a bright ring and its hole, a band finds the one of its direction."""
+    """Check a bright ring, where a band finds the edge of its direction: the outer edge, or the hole's."""
     hole = np.abs(from_disc(pixels(), radius=22.0)) - 3.0
     slopes = slopes_of(painted(hole, NOISE))
     clicks = clicked(*(range(0, 360, 40) if clockwise else range(320, -1, -40)), radius=22.0)
@@ -104,7 +104,7 @@ def test_the_path_is_that_of_brute_force(seed):
 
 
 def test_an_edge_between_pixels_is_found_between_them():
-    """A straight edge at x = 30.25 of a smooth step, beside the right side of a rectangle."""
+    """Check a straight edge at x = 30.25 of a smooth step, beside the right side of a rectangle."""
     x = pixels()[0]
     image = CONTRAST / (1.0 + np.exp((x - 30.25) / 0.8))
     line = evenly(np.array([[28.5, 28.5, 10.0, 10.0, 28.5], [20.0, 80.0, 80.0, 20.0, 20.0]]))
@@ -122,7 +122,7 @@ def test_loops_are_cut_off_and_an_ellipse_stays_what_it_is():
     off = ((smooth[0] - 50.0) / 30.0) ** 2 + ((smooth[1] - 50.0) / 20.0) ** 2 - 1.0
     assert np.abs(off).max() < 5e-3
     crossed = ellipse.copy()
-    crossed[:, 40:44] = crossed[:, 43:39:-1]  # goes back on itself
+    crossed[:, 40:44] = crossed[:, 43:39:-1]  # the line goes back on itself
     crossed[:, 100] = (20.0, 50.0)
     repaired = smoothed(crossed)
     assert area_px2(repaired) == pytest.approx(area_px2(smooth), rel=0.01)
@@ -131,12 +131,12 @@ def test_loops_are_cut_off_and_an_ellipse_stays_what_it_is():
 
 
 def bumped(at: np.ndarray) -> np.ndarray:
-    """The disc with a second bone grown to its right, 13 px farther than the disc."""
+    """Compute the distance to the disc with a second bone on its right, which reaches 13 px farther."""
     return np.minimum(from_disc(at), from_disc(at, CENTRE + np.array([24.0, 0.0]), 14.0))
 
 
 def stack() -> list[np.ndarray]:
-    """Slices 1-3 have the disc, slices 4-6 what it suddenly is, and the noise of each is another one."""
+    """Paint slices 1-3 with the disc and slices 4-6 with the second bone too, each with its own noise."""
     shapes = [from_disc] * 3 + [bumped] * 3
     return [painted(shape(pixels()), NOISE, seed) for seed, shape in enumerate(shapes)]
 
@@ -162,14 +162,14 @@ def test_propagation_fails_at_a_jump_and_recovers_after_one_correction():
     assert doubtful(corrected, clicks) == []
     for k in (3, 4, 5):
         away = bumped(corrected[k].points_px)
-        assert np.abs(away).max() < FAILED_PX / 2.0  # the notches between the two are rounded off
+        assert np.abs(away).max() < FAILED_PX / 2.0  # the notches between the disc and the bone are rounded off
         assert np.mean(np.abs(away)) < 2.0 * WITHIN_PX
     for k in (0, 1, 2):
         np.testing.assert_array_equal(corrected[k].points_px, alone[k].points_px)
 
 
 def test_a_slice_that_lost_its_bone_is_doubtful():
-    """The disc jumps aside by more than the band from the third slice on; drawn anew there it is found again."""
+    """Check a disc that jumps by more than the band in the third slice; clicks there recover it."""
     aside = CENTRE + np.array([16.0, 9.0])
     images = [painted(from_disc(pixels(), c), NOISE, k) for k, c in enumerate((CENTRE, CENTRE, aside, aside))]
     clicks = {0: SliceClicks(clicked(10, 100, 190, 280))}

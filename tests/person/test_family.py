@@ -1,4 +1,4 @@
-"""A set for each subject: laid out side by side as each would be alone."""
+"""A parameter set for each subject: sets in a batch against each set alone."""
 
 from dataclasses import replace
 
@@ -16,14 +16,14 @@ from models.person.family import PersonalSets, girdles_of
 from models.person.thorax_ellipsoid import fit_thorax, fitted_girdle
 
 MANY = 12
-"""More than are fitted one by one."""
+"""More sets than are fitted one by one."""
 
 SAME_MM = 1e-4
-"""Along a flat valley of M_y and A_y the end of a fit depends on its steps."""
+"""Tolerance: in the flat direction of M_y and A_y the end of a fit depends on its steps."""
 
 
 def sets(count: int) -> dict[str, ParameterSet]:
-    """R2 with a thorax of each person's own, fitted to points of two numbers."""
+    """Make sets from R2 with individual thoraxes, fitted to noisy points, of two different numbers."""
     base, rng = load_model("R2"), np.random.default_rng(0)
     found = {}
     for k in range(count):

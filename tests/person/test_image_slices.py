@@ -1,4 +1,4 @@
-"""Images that others made: every file that pydicom is tested with, and contours in one of them, a measured CT slice."""
+"""Images by others: every test file of pydicom, and contours in one of them, a measured CT slice."""
 
 import warnings
 from pathlib import Path
@@ -21,7 +21,7 @@ VERTEBRA = np.array([[60, 6], [74, 22], [78, 38], [72, 46], [58, 41], [44, 46], 
 OFF_PX = 1.5
 
 SAME_PX = 0.5
-"""Root mean square distance of two contours of one edge."""
+"""Largest root mean square distance between two contours of one edge."""
 
 pytestmark = pytest.mark.skipif(not FILES.exists(), reason="this pydicom came without the files of its tests")
 
@@ -30,7 +30,7 @@ def test_every_file_is_read_or_refused_in_one_line():
     read, refused = [], {}
     for path in sorted(path for path in FILES.rglob("*") if path.is_file()):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pydicom's, of files that were broken on purpose
+            warnings.simplefilter("ignore")  # pydicom warns of files that are broken on purpose
             try:
                 read += [(path.name, one) for one in read_slices([path])]
             except InputError as error:
@@ -60,8 +60,8 @@ def apart_px(one: Line, other: Line) -> float:
 
 @pytest.mark.parametrize(("half_width_px", "same"), [(5.0, 8), (4.0, 10)])
 def test_a_vertebra_has_the_same_contour_whoever_clicks(half_width_px, same):
-    """Clicks moved by up to 1.5 px to each side. Where the band reaches the lung, the contour may follow it for a part:
-    its edge is the stronger one."""
+    """Check clicks moved by up to 1.5 px in each direction. Where the band reaches the lung, part of the contour may
+    follow the lung's edge, which is stronger."""
     slopes = slopes_of(read_slices([FILES / "CT_small.dcm"])[0].grey)
     settings = Settings("bright", half_width_px)
     expected = drawn_contour(slopes, VERTEBRA, settings).points_px

@@ -1,7 +1,7 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
 # pyright: reportGeneralTypeIssues=false
-# (own_bones is None of a plain adaptation; pandas says "Series | object" of nearly every result)
-"""Bones of a person's own that landmarks measure: by hand, and simulated persons whose bones are known."""
+# (own_bones is None after a plain adaptation; pandas types nearly every result as "Series | object")
+"""Own bones that landmarks measure: by hand, and for simulated persons with known bones."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def only(**sds: float) -> People:
 
 @pytest.fixture(scope="module")
 def persons() -> tuple[np.ndarray, Motions]:
-    """Twenty, with SC, AC, TS and AI at 3 mm, whatever frames the angles have and wherever the joint is."""
+    """Twenty persons with SC, AC, TS and AI at 3 mm, independent of angle frames and joints."""
     generator = np.random.default_rng(11)
     wanted, sd = noise_free_subjects(30, generator), spread_about(R2).sd
     sizes = sd[:, None] * generator.standard_normal((len(OWN), 30))
@@ -67,7 +67,7 @@ def without_landmarks(motions: Motions) -> Motions:
 
 
 def test_one_number_is_the_mean_of_the_set_and_the_landmarks_by_their_precisions(persons):
-    """Where nobody knows anything by the angles: SC_z with an SD of 2 mm, and a median of known SD."""
+    """Check SC_z with a prior SD of 2 mm, a median of known SD, and angles that tell nothing."""
     _, motions = persons
     one = motions.select(motions.subject == motions.subjects[0])
     own = adapt_subjects(
@@ -113,7 +113,7 @@ def test_a_motion_held_out_holds_its_landmarks_out_too(persons):
 
 
 def test_what_the_set_has_measured_is_not_measured_twice(persons):
-    """SC from the person's set, with 1.5 mm: the landmarks, perhaps the same, add nothing."""
+    """Check SC measured for the person's set, to 1.5 mm: the landmarks, which may be the same, add nothing."""
     _, motions = persons
     one = motions.select(motions.subject == motions.subjects[0])
     measured = replace(R2, source=R2.source | {"clavicle.sc_mm": "measured: of P01; +-1.5 mm"})

@@ -1,4 +1,4 @@
-"""Where landmarks are: a girdle by hand, and what effects do to positions but not to bones."""
+"""Positions of landmarks: a girdle by hand, and effects that move landmarks or only their frames."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ BASE = load_model("R2").girdle
 AA_MM = np.array([-12.0, -18.0, 40.0])[:, None]
 
 SAME_MM = 1e-9
-"""Two ways to compute one geometry: rounding of coordinates of 200 mm."""
+"""Tolerance between two computations of one geometry: rounding of coordinates of 200 mm."""
 
 CLAVICLE, SCAPULA = (
     Rotation.from_euler("YZX", turns, degrees=True).as_matrix()
     for turns in ([[-28.0, 12.0, 8.0], [-40.0, 25.0, 30.0]], [[32.0, 10.0, -10.0], [45.0, 40.0, 5.0]])
 )
-"""Of two postures, intrinsic Y-Z'-X''."""
+"""Rotations of two postures, intrinsic Y-Z'-X''."""
 
 
 def angles_of(clavicle: np.ndarray, scapula: np.ndarray) -> np.ndarray:
@@ -38,7 +38,7 @@ def places(*active: tuple[str, tuple[float, ...]], angles: np.ndarray = ANGLES) 
 
 
 def by_hand(clavicle: np.ndarray = CLAVICLE, scapula: np.ndarray = SCAPULA) -> dict[str, np.ndarray]:
-    """AC = SC + R_C ac, and the others from AC, posture by posture."""
+    """Compute AC = SC + R_C ac, and the other landmarks from AC, posture by posture."""
     own = bones(BASE)
     AC = [own.sc_mm + R @ own.ac_mm for R in clavicle]
     found = {"SC": [own.sc_mm] * 2, "AC": AC}
@@ -72,7 +72,7 @@ def test_places_of_the_person_are_added_in_their_own_frames():
 
 @pytest.mark.parametrize("name", ["clavicle_frame_bias", "scapula_landmark_bias"])
 def test_a_frame_that_is_off_moves_no_bone(name):
-    """The same bones, their angles measured in frames that are turned by hand."""
+    """Check the same bones with angles measured in a frame that is turned by hand."""
     turned = Rotation.from_rotvec([0.1, -0.2, 0.05]).as_matrix()
     bone = "clavicle" if name.startswith("clavicle") else "scapula"
     measured = {"clavicle": CLAVICLE, "scapula": SCAPULA}
@@ -82,7 +82,7 @@ def test_a_frame_that_is_off_moves_no_bone(name):
 
 
 def test_a_thorax_that_turns_carries_what_is_measured_in_it():
-    """Bones and positions are turned about IJ alike, beside a lag of the scapula that positions do not have."""
+    """Check that bones and positions turn about IJ together; a lag of the scapula's frame does not affect positions."""
     E = Rotation.from_rotvec([0.1, 0.02, -0.03]).as_matrix()
     lag = Rotation.from_rotvec([0.0, 0.08, 0.04]).as_matrix()
     extension = ("thorax_extension", tuple(np.rad2deg([0.1, 0.02, -0.03])))

@@ -1,4 +1,4 @@
-"""The measured movement of SC and AC: by hand, and put into a chain whose joints moved so."""
+"""Measured movement of SC and AC: by hand, and as input to a chain whose joints moved so."""
 
 from dataclasses import replace
 
@@ -26,17 +26,17 @@ AA_MM = np.array([-12.0, -18.0, 40.0])[:, None]
 SAME_MM = 1e-9
 
 SAME_DEG = 1e-6
-"""Of angles of one posture by two fits."""
+"""Tolerance for angles of one posture by two fits."""
 
 MOVED_DEG = 0.2
 """A joint that moves by 3 mm turns the girdle by more than this."""
 
 OF_CONSTANTS = np.sqrt(6.0 / 42.0)
-"""Share of a movement at random that six constants, fitted to 14 postures of three numbers, take."""
+"""Share of a random movement that six constants, fitted to 14 postures of three numbers, take up."""
 
 
 def moved(seed: int = 0) -> tuple[Motions, dict[str, np.ndarray]]:
-    """Two subjects of R2 whose SC and AC move, with exact angles and positions; and the movements."""
+    """Simulate two subjects of R2 with moving SC and AC and exact angles and positions; return the movements too."""
     still = simulate_subjects(2, seed=seed)
     count = len(still.posture)
     random = np.random.default_rng(seed)
@@ -60,7 +60,7 @@ def only(motions: Motions, *names: str) -> Motions:
 
 
 def about_mean(motions: Motions, values: np.ndarray) -> np.ndarray:
-    """Less the mean over the postures of each subject."""
+    """Subtract the mean over the postures of each subject."""
     found = values.copy()
     for rows in motions.rows_by_subject():
         found[:, rows] -= values[:, rows].mean(axis=1, keepdims=True)
@@ -74,7 +74,7 @@ def test_the_movement_that_positions_show(name):
 
 
 def test_ac_is_found_from_aa():
-    """AA tells it but for what the place of AA in the scapula can do: three constants, and AC in the clavicle."""
+    """Check AC from AA, less the part that six constants take up: AA in the scapula, and AC in the clavicle."""
     motions, movement = moved()
     found = measured_movement_mm("ac_translation", only(motions, "SC", "AA"))
     true = about_mean(motions, movement["ac_translation"])
@@ -84,7 +84,7 @@ def test_ac_is_found_from_aa():
 
 
 def test_put_in_as_measured_the_chain_follows_exactly():
-    """Each subject's joints are where they were but for a constant, which is taken out of the movement first."""
+    """Check a chain with the measured movement; its mean over the postures goes into the girdle first."""
     motions, movement = moved()
     mean = {name: (movement[name] - about_mean(motions, movement[name]))[:, :1] for name in JOINTS}
     one = motions.select(motions.subject == motions.subjects[0])

@@ -1,4 +1,4 @@
-"""Surfaces from files: the same cube in every form, distances that can be worked by hand, what is no surface."""
+"""Surfaces from files: the same cube in every format, distances worked by hand, and files that hold no surface."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from motions import InputError
 pytest.importorskip("vtkmodules")
 
 FLOAT32 = 1e-5
-"""Relative: STL and PLY hold floats of 4 bytes."""
+"""Relative rounding: STL and PLY hold floats of 4 bytes."""
 
 
 @pytest.mark.parametrize("ending", WRITERS)
@@ -42,7 +42,7 @@ def test_distances_to_a_cube_are_those_worked_by_hand(point, distance):
 
 
 def test_points_are_spread_evenly_over_the_area():
-    """A box with faces of 1 x 1 and of 1 x 3: twelve of the fourteen parts are on the long faces; 4 SD of a count."""
+    """Check a box with faces of 1 x 1 and of 1 x 3, where long faces have 12/14 of the area, to 4 SDs of a count."""
     points = Mesh(np.array([[1.0], [3.0], [1.0]]) * CUBE, FACES).spread(7000)
     on_ends = np.isclose(points[1] % 3.0, 0.0).sum()
     assert abs(on_ends - 1000) < 4.0 * np.sqrt(7000 * (1 / 7) * (6 / 7))
@@ -70,7 +70,7 @@ def test_what_is_no_surface_is_refused(tmp_path, name, content, cause, capfd):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=cause):
         read_mesh(tmp_path / name)
-    assert capfd.readouterr().err == ""  # the reader's own words stay its own
+    assert capfd.readouterr().err == ""  # the reader prints no messages of its own
 
 
 def test_metres_taken_for_millimetres_are_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""A person's set: landmarks of a known girdle give it back, Table 4.2 gives the shipped sets, noise, faults."""
+"""Parameter set of a person: from a known girdle's landmarks, from Table 4.2 (shipped sets), with noise, faults."""
 
 from dataclasses import fields, replace
 
@@ -24,10 +24,10 @@ from tests.helpers.laboratory import on_constraints, simulated_trial, trial_of
 from tests.helpers.thesis_tables import DISSECTION, MRI
 
 PRINTED_MM = 1e-6
-"""Decimals of a shipped set."""
+"""Rounding of the decimals in a shipped set."""
 
 PRINTED_TWICE_MM = 5e-6
-"""const1 and const2 of a shipped set are those of printed angles: half of 1e-6 degrees at 190 mm is 1.7e-6 mm."""
+"""Tolerance for const1 and const2, from printed angles: half of 1e-6 degrees at 190 mm is 1.7e-6 mm."""
 
 CADAVERS = {"breteler_dissection": DISSECTION, "breteler_mri": MRI}
 
@@ -38,7 +38,7 @@ def positions(points: dict, names=("SC", "AC", "TS", "AI")) -> dict[str, np.ndar
 
 @pytest.mark.parametrize("name", CADAVERS)
 def test_table_4_2_gives_the_shipped_set(name):
-    """All but the conoid from the table and points of Table 4.5's ellipsoid; the conoid carried from the same bone."""
+    """Check a set from Table 4.2 and points of Table 4.5's ellipsoid, with the conoid carried from the same bone."""
     shipped = load_model(name)
     built = person_set(positions(CADAVERS[name]), load_model("R2"), 0, ("1",), {}, shipped.points_mm)
     own = person_set(positions(CADAVERS[name]), shipped, 0, ("1",), {})
@@ -95,11 +95,11 @@ def test_noise_moves_the_lengths_as_their_spreads_say():
             sd_of_median_mm = 1.2533 * size.spread_mm / np.sqrt(8.0)
             z.append((size.value_mm - float(true)) / sd_of_median_mm)
             assert size.sd_mm == max(sd_of_median_mm, PALPATOR_LENGTH_MM)
-    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.5  # 80 values of about SD 1; the SD of 8 postures is itself off
+    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.5  # 80 values of SD 1; each SD from 8 postures has an error
 
 
 def test_a_landmark_palpated_wrong_alike_in_every_posture_is_within_its_sd():
-    """Without any spread: a marker that was put beside the landmark once. AC and TS, along the line between them."""
+    """Check errors without any spread, as of markers placed beside AC and TS once, along the line between them."""
     truth, z = person(0.95, 1.05), []
     for seed in range(40):
         landmarks, rng = trial_landmarks(truth), np.random.default_rng(seed)
@@ -113,7 +113,7 @@ def test_a_landmark_palpated_wrong_alike_in_every_posture_is_within_its_sd():
 
 
 def test_the_chain_closes_at_rest_with_measured_angles():
-    """A1 and A2 hold in the posture at rest, and A3 with some axial rotation of the clavicle."""
+    """Check A1 and A2 in the posture at rest, and A3 for some axial rotation of the clavicle."""
     landmarks = trial_landmarks(person(0.95, 1.05), seed=3)
     girdle = person_set(landmarks, load_model("R2"), 0, NAMES, {}).girdle
     axial = np.linspace(-90.0, 90.0, 721)
@@ -185,7 +185,7 @@ def test_one_posture_is_enough_and_says_what_it_cannot_tell():
 
 
 def test_a_conoid_that_cannot_close_is_as_long_as_it_must_be():
-    """A generic ligament of 200 mm is longer than the attachments can ever be apart."""
+    """Check a generic ligament of 200 mm, longer than the attachments can ever be apart."""
     R2 = load_model("R2")
     long = replace(R2, girdle=replace(R2.girdle, conoid_length_mm=np.asarray(200.0)))
     built = person_set(trial_landmarks(person(1.0, 1.0)), long, 0, NAMES, {})
@@ -206,7 +206,7 @@ def test_what_is_no_person(change, said):
 
 
 def test_thorax_points_in_front_of_ij_are_in_another_frame():
-    """Of the patch of a thorax with its z turned round, as a left-handed frame has it."""
+    """Check thorax points with z reversed, as in a left-handed frame."""
     mirrored = np.asarray(load_model("breteler_dissection").points_mm) * np.array([[1.0], [1.0], [-1.0]])
     with pytest.raises(ValueError, match="in front of IJ: its points are not in the frame of the landmarks"):
         person_set(trial_landmarks(person(1.0, 1.0)), load_model("R2"), 0, NAMES, {}, mirrored)
@@ -219,6 +219,6 @@ def test_trust_knows_how_well_the_persons_own_points_fix_the_thorax():
     assert built.thorax is not None
     own = replace(load_model("R2"), girdle=built.girdle, points_mm=built.points_mm, source=built.source)
     sd = thorax_sd_mm(own)
-    assert sd[2] == pytest.approx(min(PERSON_SD_MM[2], built.thorax.fit.sd[2:].max()), abs=0.05)  # printed with 0.1 mm
+    assert sd[2] == pytest.approx(min(PERSON_SD_MM[2], built.thorax.fit.sd[2:].max()), abs=0.05)  # printed to 0.1 mm
     assert (sd <= PERSON_SD_MM).all()
     np.testing.assert_array_equal(thorax_sd_mm(load_model("R2")), PERSON_SD_MM)

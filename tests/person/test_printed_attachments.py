@@ -1,4 +1,4 @@
-"""Tables 4.6-4.8, Appendices C and D: what of the printed numbers needs none of the unpublished contours."""
+"""Printed numbers of Tables 4.6-4.8 and Appendices C and D that can be checked without the unpublished contours."""
 
 import re
 from collections import Counter
@@ -24,9 +24,10 @@ ROUNDED = 0.05
 
 
 def sd_range(name: str, ddof: int) -> tuple[float, float]:
-    """The SDs that so many distances with the printed mean, least and largest can have, rounding included.
+    """Compute the smallest and largest SD that distances with the printed mean, least and largest can have, with
+    rounding.
 
-    The inner ones all alike give the least, all but one at an end the largest.
+    The SD is smallest with equal inner distances, and largest with all but one inner distance at an end.
     """
     mean, _, least, most = TABLE_4_7[name]
     count, found = LINES_OF_DISSECTION[name], []
@@ -42,7 +43,8 @@ def sd_range(name: str, ddof: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", TABLE_4_7)
 def test_table_4_7_is_of_the_cadavers_lines_with_the_sd_of_a_sample(name):
-    """n - 1 as ``spread_of`` has it: every printed SD is possible; with n that of three points is not."""
+    """Check the SD with n - 1, as in ``spread_of``: every printed SD is possible; with n, one of three points is
+    not."""
     least, most = sd_range(name, ddof=1)
     assert least - ROUNDED <= TABLE_4_7[name][1] <= most + ROUNDED
 
@@ -65,7 +67,10 @@ def test_weighed_volumes_of_table_4_8_are_the_masses_of_das3_in_water(name):
 
 
 def test_the_printed_sphere_of_27_5_cm3_is_a_quarter_of_a_pixel_larger_and_not_the_slices():
-    """Slices of 5 mm without a gap, pixels of 300 mm / 256 (4.2): wherever the slices lie they are off by less."""
+    """Check slices of 5 mm without a gap and pixels of 300 mm / 256 (4.2).
+
+    Wherever the slices lie, they explain less than the excess of the printed volume.
+    """
 
     def volume(radius: float, first: float) -> float:
         z = first + 5.0 * np.arange(-10, 11)
@@ -79,9 +84,10 @@ def test_the_printed_sphere_of_27_5_cm3_is_a_quarter_of_a_pixel_larger_and_not_t
 
 
 def test_the_command_writes_the_rows_of_tables_4_6_and_4_7(tmp_path):
-    """Points placed as far off a line and a plane as is printed; the second measurement in a frame of its own.
+    """Check points placed at the printed distances from a line and a plane, with the second measurement in another
+    frame.
 
-    Off the plane z = 0: 4.1, 5.9, 4.1, 5.9 (mean 5.0, SD 1.04), shifted in it by sqrt(5.8^2 - 5.0^2).
+    Distances to the plane z = 0: 4.1, 5.9, 4.1, 5.9 (mean 5.0, SD 1.04); shifted in the plane by sqrt(5.8^2 - 5.0^2).
     """
     line = np.array([[-100.0, 100.0], [0.0, 0.0], [0.0, 0.0]])
     to_line = np.array([[-20.0, 0.0, 20.0], [7.3, 7.4, 13.2], [0.0, 0.0, 0.0]])
@@ -156,11 +162,11 @@ def test_appendix_c_has_the_84_contours_of_5_3_with_the_outliers_that_the_text_n
     assert len(means) == 84
     assert (means > 20.0).sum() == 3  # the biceps
     assert sorted(means[(means > 10.0) & (means < 15.0)]) == [11.9, 13.7]
-    assert (means <= 5.0).sum() == 70  # 83 %: the text has 85 % without a limit
+    assert (means <= 5.0).sum() == 70  # 83 %: the text has 85 % and gives no limit
 
 
 def test_appendix_d_repeats_appendix_c_and_its_types_have_the_shares_of_5_3():
-    """45 % small, 15 % large, 15, 10 and 15 % of the types, rounded to 5 % by the text."""
+    """45 % small, 15 % large, 15, 10 and 15 % of the other types; the text rounds to 5 %."""
     part = thesis_part("Table D.2", "\nSummary\n")
     kinds = Counter(re.findall(r"^R2\d?-R2\d\s+[\d.]+\s+[\d.]+\s+[\d.]+\s+(SMALL|LARGE|T[123])\b", part, re.MULTILINE))
     printed = {SMALL: 45, LARGE: 15, "T1": 15, "T2": 10, "T3": 15}

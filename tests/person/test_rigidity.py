@@ -1,4 +1,4 @@
-"""Distances that one bone holds: slips of landmarks are named, sound ones are not."""
+"""Distances between landmarks of one bone: slips of landmarks are named, sound landmarks are not."""
 
 import numpy as np
 import pytest
@@ -8,11 +8,11 @@ from motions.checks.rigidity import check_rigidity
 from tests.helpers.thesis_tables import DISSECTION
 
 PALPATOR_MM = 0.96
-"""SD of a coordinate; 1.43 mm of the point (thesis 5.2.1, Pronk 1991b)."""
+"""SD of a coordinate; 1.43 mm for the point (thesis 5.2.1, Pronk 1991b)."""
 
 
 def moving_scapula(postures: int, rng: np.random.Generator, with_aa: bool = True) -> dict[str, np.ndarray]:
-    """The landmarks of Table 4.2 (dissection) as bones that turn at SC and AC."""
+    """Simulate the landmarks of Table 4.2 (dissection) on bones that turn at SC and AC."""
     SC, AC, TS, AI = (np.array(DISSECTION[name]) for name in ("SC", "AC", "TS", "AI"))
     share = np.linspace(0.0, 1.0, postures)
     clavicle = Rotation.from_euler("YZX", np.outer(share, [-10.0, 20.0, 20.0]), degrees=True)
@@ -30,7 +30,7 @@ def noisy(landmarks: dict[str, np.ndarray], rng: np.random.Generator) -> dict[st
 
 
 CASES = 200
-"""Of which a share of 95 % is known to 1.5 %."""
+"""Number of cases: a share of 95 % is known to 1.5 %."""
 
 
 def test_sound_landmarks_raise_few_alarms():
@@ -56,7 +56,7 @@ def test_a_slip_of_10_mm_toward_or_off_another_landmark_is_named():
 
 @pytest.mark.parametrize(("with_aa", "share"), [(True, 0.75), (False, 0.60)])
 def test_a_slip_in_any_direction_is_named_less_often(with_aa, share):
-    """What docs/person.md says of it: distances see it as far as it goes toward or away from other landmarks."""
+    """Check the shares in docs/person.md: distances show the part of a slip toward or away from other landmarks."""
     rng = np.random.default_rng(1)
     names = ("AC", "TS", "AI", "AA", "SC") if with_aa else ("AC", "TS", "AI", "SC")
     named = []
@@ -75,7 +75,7 @@ def test_a_slip_in_exact_landmarks_is_named_with_its_size():
     landmarks["AI"][4] += 10.0 * along / np.linalg.norm(along)
     (slip,) = check_rigidity(landmarks).slips
     assert (slip.posture, slip.landmark) == (4, "AI")
-    assert slip.size_mm == pytest.approx(10.0, abs=1.0)  # the part across its distances is not seen
+    assert slip.size_mm == pytest.approx(10.0, abs=1.0)  # the part across its distances is invisible
 
 
 def test_a_common_rotation_of_the_triad_stays_invisible():

@@ -1,4 +1,4 @@
-"""How persons differ about a set: SDs, what each size does to a girdle, the columns of parameters.csv."""
+"""Variation of persons about a set: SDs, the change of a girdle per size, the columns of parameters.csv."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def sd_of(name: str, model=R2, **sds: float) -> float:
 
 
 def sourced(**sources: str):
-    """R2 with other sources."""
+    """Return R2 with other sources."""
     return replace(R2, source=R2.source | {key.replace("__", "."): text for key, text in sources.items()})
 
 
@@ -39,7 +39,7 @@ def test_a_column_is_what_one_sd_of_a_size_does_to_a_girdle(model):
 
 
 def test_girdles_with_sizes_of_their_own():
-    """A batch: each lane is that girdle alone."""
+    """Check a batch against each of its girdles alone."""
     generator = np.random.default_rng(1)
     sizes = generator.standard_normal((len(OWN), 4))
     repeated = R2.girdle.repeated(4)
@@ -57,7 +57,11 @@ def test_the_chain_sees_the_thorax_from_sc():
 
 
 def test_the_six_differ_less_than_adapted_ones():
-    """What ten adaptations scatter by (Table 6.5) holds what ellipsoids pay for bones, but for the narrow A_x."""
+    """Check own bones against the scatter of ten adaptations (Table 6.5), in which ellipsoids also compensate for
+    bones.
+
+    The exception is the narrow A_x.
+    """
     sd, others = spread_about(R2).sd[:SIX], np.arange(SIX) != ADAPTED.index("A_x")
     assert (sd[others] < PERSON_SD_MM[others]).all()
 
@@ -65,11 +69,11 @@ def test_the_six_differ_less_than_adapted_ones():
 @pytest.mark.parametrize(
     ("name", "key", "source", "sd"),
     [
-        ("TS_distance", "constraint.ts_distance_mm", "assumed: of another; +-6 mm", 5.0),  # 4 and 6 / 2
+        ("TS_distance", "constraint.ts_distance_mm", "assumed: of another; +-6 mm", 5.0),  # root of 4^2 + (6 / 2)^2
         ("TS_distance", "constraint.ts_distance_mm", "Table 3.2", 4.0),
         ("TS_distance", "constraint.ts_distance_mm", "measured: landmarks of P01; +-1.5 mm", 1.5),
         ("TS_distance", "constraint.ts_distance_mm", "measured: landmarks of P01", 4.0),
-        ("SC_y", "clavicle.sc_mm", "assumed: of another; +-24 mm", 13.0),  # 5 and 24 / 2
+        ("SC_y", "clavicle.sc_mm", "assumed: of another; +-24 mm", 13.0),  # root of 5^2 + (24 / 2)^2
         ("clavicle_length", "clavicle.length_mm", "measured: SC to AC; +-2 mm", 100.0 * 2.0 / 158.0),
         ("A_y", "thorax.semi_axes_mm", "measured: points of P01; +-5 mm", 5.0),
         ("A_y", "thorax.semi_axes_mm", "measured: points of P01; +-50 mm", 12.0),
@@ -123,7 +127,7 @@ def test_the_columns_say_who_is_far_and_what_is_not_told():
 
 
 def test_an_ac_elsewhere_is_what_the_effect_of_that_name_makes_of_it():
-    """One meaning: a size of a person and the amplitude of ``ac_offset`` move the same numbers by as much."""
+    """Check that sizes of a person and amplitudes of ``ac_offset`` move the same numbers by the same amounts."""
     effect, sizes = EFFECTS["ac_offset"], [one for one in SIZES if "_AC_" in one.name]
     assert [one.name for one in sizes] == [name.replace(" ", "_AC_") for name in effect.directions]
     none = np.zeros((3, 3)), np.zeros((3, 3))

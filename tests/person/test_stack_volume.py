@@ -1,4 +1,4 @@
-"""Volumes of stacks of contours: the sphere of Table 4.8, a tilted polygon, a slice that is missing."""
+"""Volumes of stacks of contours: the sphere of Table 4.8, a tilted polygon, and a missing slice."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from models.person.contours.stack_volume import area_mm2, stack_volume_cm3
 
 RADIUS_MM, PRINTED_CM3 = 18.45, 26.3
-"""Of the sphere of Table 4.8, its volume computed from the radius; from contours the thesis has 27.5, 5 % more."""
+"""Sphere of Table 4.8, with the volume from the radius; from contours the thesis has 27.5, 5 % more."""
 
 
 def test_the_sphere_of_table_4_8_from_slices_5_mm_apart():
@@ -19,7 +19,7 @@ def test_the_sphere_of_table_4_8_from_slices_5_mm_apart():
             r = np.sqrt(RADIUS_MM**2 - height**2)
             circles[k] = np.stack([r * np.cos(ring), r * np.sin(ring), np.full(200, height)])
     volume = stack_volume_cm3({k: area_mm2(circle) for k, circle in circles.items()}, 5.0)
-    assert volume == pytest.approx(PRINTED_CM3, rel=0.015)  # the midpoint rule over seven slices
+    assert volume == pytest.approx(PRINTED_CM3, rel=0.015)  # midpoint rule over seven slices
 
 
 def test_a_polygon_has_its_area_however_it_is_turned():

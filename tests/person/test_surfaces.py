@@ -1,4 +1,4 @@
-"""Ellipsoid, sphere and cylinder through points: exact points, noise, scipy as the oracle, what cannot be fitted."""
+"""Ellipsoid, sphere and cylinder through points: exact points, noise, against SciPy, and points without a fit."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ CENTRE, AXES = np.array([0.0, -139.3, 68.0]), np.array([139.1, 198.2, 85.4])
 
 
 def patch(count: int = 40) -> np.ndarray:
-    """Points of front, side and back, from y = -20 to -200."""
+    """Return points of front, side and back, from y = -20 to -200."""
     azimuth, y = np.meshgrid(np.radians(np.linspace(-60.0, 60.0, 5)), np.linspace(-20.0, -200.0, count // 5))
     width = np.sqrt(1.0 - ((y - CENTRE[1]) / AXES[1]) ** 2)
     x, z = AXES[0] * width * np.cos(azimuth), CENTRE[2] + AXES[2] * width * np.sin(azimuth)
@@ -55,7 +55,7 @@ def test_too_few_points_on_the_thorax():
 def test_the_phantom_sphere_of_the_thesis():
     found = fit_sphere(sphere_points(0.5))
     assert found.radius_mm == pytest.approx(18.5, abs=0.1)
-    assert found.volume_cm3 == pytest.approx(26.3, abs=0.5)  # 26.3 is of 18.45 mm (Table 4.8)
+    assert found.volume_cm3 == pytest.approx(26.3, abs=0.5)  # 26.3 is for 18.45 mm (Table 4.8)
     assert fit_sphere(sphere_points(0.0)).volume_cm3 == pytest.approx(4 / 3 * np.pi * 1.85**3, abs=1e-9)
 
 

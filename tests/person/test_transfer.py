@@ -1,4 +1,4 @@
-"""Attachments carried by landmarks, and their distances, worked by hand; and carried as the conoid is."""
+"""Attachments carried by landmarks, and their distances, worked by hand; carried conoids against the library."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def turned(points: np.ndarray, seed: int = 0) -> np.ndarray:
 
 
 def test_three_landmarks_carry_as_the_conoid_is_carried():
-    """The scapular map of the library, with both scapulae turned and shifted at random."""
+    """Check against the library's scapular map, with both scapulae turned and shifted at random."""
     ts, ai = np.array([-130.0, 0.0, 0.0]), np.array([-128.0, -121.0, 0.0])
     point = np.array([[-53.6], [-0.9], [-26.6]])
     by_hand = scapular_map(TRIAD[:, 1], TRIAD[:, 2], ts, ai) @ point
@@ -60,7 +60,7 @@ SQUARE = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0], [0.0, 1
 
 
 def test_distances_of_contours_by_hand():
-    """A point 3 in front of the middle of a side: of a point's corners, of the open line, of the closed plane."""
+    """A point 4 in front of the middle of a side: distances to corners, to an open line, and to a closed plane."""
     point = np.array([[-4.0], [5.0], [0.0]])
     assert to_contour_mm(point, SQUARE, POINT) == pytest.approx([np.hypot(4.0, 5.0)])
     assert to_contour_mm(point, SQUARE, LINE) == pytest.approx([np.hypot(4.0, 5.0)])  # the last side is open
@@ -70,17 +70,17 @@ def test_distances_of_contours_by_hand():
 
 
 def test_a_line_slid_along_itself_is_near_with_a_large_end():
-    """From 0-30 to 20-50: the nearest ends are 0 apart, the far ones 20; mean over the four points 10."""
+    """From 0-30 to 20-50: the nearest ends are 0 apart, the farthest 20; the mean over the four points is 10."""
     line = np.array([[0.0, 30.0], [0.0, 0.0], [0.0, 0.0]])
     slid = line + np.array([[20.0], [0.0], [0.0]])
     found = between_contours(line, slid, LINE)
     assert (found.least_mm, found.mean_mm, found.most_mm) == pytest.approx((0.0, 10.0, 20.0))
-    off = to_line(slid + np.array([[0.0], [5.0], [0.0]]), line)  # at 20 and 50, 5 above
+    off = to_line(slid + np.array([[0.0], [5.0], [0.0]]), line)  # at 20 and 50, 5 above the line
     assert (off.least_mm, off.most_mm) == pytest.approx((5.0, np.hypot(20.0, 5.0)))
 
 
 def test_planes_and_means_by_hand():
-    """MDP: 1, 2, 3 and 4 mm off the plane of the square, mean 2.5, SD sqrt(5/3). DMP: means 2.5 above each other."""
+    """MDP: 1, 2, 3 and 4 mm off the plane of the square, mean 2.5, SD sqrt(5/3). DMP: 2.5 between the means."""
     off = SQUARE + np.array([[0.0] * 4, [0.0] * 4, [1.0, 2.0, 3.0, 4.0]])
     assert to_plane(off, turned_flat()) == pytest.approx((2.5, np.sqrt(5.0 / 3.0)))
     assert between_means_mm(off, SQUARE) == pytest.approx(2.5)
@@ -89,5 +89,5 @@ def test_planes_and_means_by_hand():
 
 
 def turned_flat() -> np.ndarray:
-    """Other points of the same plane z = 0."""
+    """Return other points of the same plane z = 0."""
     return np.array([[3.0, 8.0, -5.0, 2.0], [1.0, 9.0, 4.0, -7.0], [0.0, 0.0, 0.0, 0.0]])

@@ -1,4 +1,4 @@
-"""Pages opened in a real browser, for the tests of the report."""
+"""Pages in a real browser, for the tests of the report."""
 
 from collections.abc import Callable, Iterator
 
@@ -11,16 +11,16 @@ from scripts.picture_report import browser, open_report
 
 @pytest.fixture(scope="module")
 def started() -> Iterator[BrowserContext]:
-    """One profile for all pages: a window for each would cost half a second of a core more."""
+    """Start one browser profile for all pages: a window for each would cost half a second of a core more."""
     with browser() as one:
         yield one.new_context()
 
 
 @pytest.fixture(scope="module")
 def look(started, tmp_path_factory) -> Callable[..., Seen]:
-    """Show a report's text in a window; the same report again is not loaded again, it starts anew.
+    """Return a function that shows a report's text in a window; the same report is reset instead of loaded again.
 
-    To load one takes seconds of a core, most of them in the library that draws.
+    Loading a report takes seconds of a core, most of them in the drawing library.
     """
     folder = tmp_path_factory.mktemp("reports")
     shown: dict[str, Seen] = {}

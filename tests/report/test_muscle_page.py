@@ -1,4 +1,4 @@
-"""The muscle lines and arms of a report: right numbers, a small file, and what a person sees of them."""
+"""Muscle lines and arms of a report: correct numbers, a small file, and their display in a browser."""
 
 import json
 from dataclasses import replace
@@ -21,7 +21,7 @@ from models.person.family import PersonalSets
 from motions import Motions
 
 WHOLE_MM = 0.5 + 1e-9
-"""Rounding of what is drawn."""
+"""Rounding of drawn positions."""
 
 LARGEST_BYTES = 10_000_000
 """A file larger than this cannot be mailed everywhere."""
@@ -43,7 +43,7 @@ def points(flat: list[int]) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def three():
-    """Three subjects, one of whom could not be adapted, with R2 and R4."""
+    """Return three subjects, one of whom could not be adapted, with R2 and R4."""
     motions = motions_of(rising(3, 4))
     result, found = looked_at(motions, MODELS, ["s2"])
     return found, report_html(motions, MODELS, result, {"s2": "adaptation failed"}, muscles=found)
@@ -76,7 +76,7 @@ def test_lines_are_as_long_as_in_the_table(three):
     muscles = data_of(html)["muscles"][1]
     paths = muscles["states"]["after"]["paths"]["1"]
     drawn = [np.linalg.norm(np.diff(points(flat), axis=0), axis=1).sum() for flat in paths]
-    clear = (rows["depth_mm"] == 0.0).to_numpy()  # of the others an end is drawn on the surface
+    clear = (rows["depth_mm"] == 0.0).to_numpy()  # the other lines have an end that is drawn on the surface
     np.testing.assert_allclose(np.array(drawn)[clear], rows["length_mm"][clear], atol=4.0 * WHOLE_MM)
     assert [one["name"] for one in muscles["lines"]] == rows["line"].tolist()
 
@@ -127,7 +127,7 @@ def test_every_person_has_the_lines_of_the_own_bones():
 
 
 def test_two_hundred_subjects_stay_small_and_the_page_says_at_how_many_postures_lines_are():
-    """The tables are those of one subject, two hundred times: ten minutes of balances are no part of it."""
+    """The tables repeat one subject two hundred times, because 200 balances would take ten minutes."""
     models, motions = [*MODELS, load_model("R6")], motions_of(rising(200, 14))
     _, one = looked_at(motions_of(rising(1, 14)), models)
     muscles = pd.concat([one.muscles.assign(subject=name) for name in motions.subjects], ignore_index=True)
@@ -151,7 +151,7 @@ def test_of_a_usual_study_all_postures_have_lines():
 
 
 def drawn(seen, name: str) -> list[list[float | None]]:
-    """The points of a muscle's lines in the thorax frame, None between two lines."""
+    """Return the points of a muscle's lines in the thorax frame, with None between two lines."""
     found = [one for one in seen.traces() if one.get("name") == name]
     assert len(found) <= 1
     line = found[0] if found else {"x": [], "y": [], "z": []}
@@ -217,7 +217,7 @@ def test_a_subject_that_failed_has_arms_of_neither_state_and_no_error(look, thre
 
 @needs_browser
 def test_a_posture_without_lines_says_so(look, three):
-    """There are such postures where many are drawn."""
+    """Reports with many postures draw lines only in some of them."""
     seen = look(three[1])
     seen.page.evaluate("delete muscles().states.after.paths[1]")
     assert "no muscle lines" not in seen.page.inner_text("#readout")

@@ -1,4 +1,4 @@
-"""Plain names: every cause has one, and nothing from a file becomes markup."""
+"""Plain names: every cause has one, and text from a file never becomes markup."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The report as text: what is in it, that names cannot break it, that it stays small, that its numbers are right."""
+"""The report as text: its contents, escaping of names, file size, and correct numbers."""
 
 import re
 from dataclasses import replace
@@ -29,10 +29,10 @@ LARGEST_BYTES = 10_000_000
 """A file larger than this cannot be mailed everywhere."""
 
 MM_TOLERANCE = 1e-9
-"""Cosines and products of lengths of 100 mm in double precision."""
+"""Tolerance: cosines and products of lengths of 100 mm in double precision."""
 
 
-# --- where the bones are -------------------------------------------------------------------------------------------
+# --- positions of the bones ----------------------------------------------------------------------------------------
 
 
 def test_bones_without_rotation_are_where_the_parameter_set_has_them():
@@ -61,7 +61,7 @@ def test_a_bone_whose_angles_were_not_measured_is_nowhere():
 
 
 def test_residuals_are_those_of_each_rows_own_parameters():
-    """A conoid 3 mm longer leaves 3 mm less of A3; the other two do not know of it."""
+    """A conoid length 3 mm larger decreases A3 by 3 mm and does not change A1 and A2."""
     girdle = R2[0].girdle
     own = np.asarray(girdle.adapted_mm)
     theta_mm = np.stack([own, own + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0])], axis=1)
@@ -78,7 +78,7 @@ def test_a_thorax_turned_in_the_laboratory_has_its_table_and_one_that_is_not_kno
     said = words_of(report_html(known, R2, made))
     assert "Thorax against the global frame" in said
     assert "backward tilt 12.5" in " ".join(said.split())
-    assert "flexion to the left" not in said  # measured nowhere
+    assert "flexion to the left" not in said  # this angle was not measured
 
 
 # --- the numbers of the figures ------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ def test_what_failed_or_was_not_measured_is_null():
 
 
 def test_the_heat_map_is_the_mean_absolute_difference_over_subjects():
-    """Elevations 0, 50, 100, 150: bins 0-30, 30-60, 90-120, 150-180. Subjects 1 and 3 degrees off, in one angle not."""
+    """Elevations 0, 50, 100, 150: bins 0-30, 30-60, 90-120, 150-180. Errors of 1 and 3 degrees; s2 lacks one angle."""
     angles_deg = rising(2, 4)
     angles_deg[1, :, 5] = np.nan
     motions = motions_of(angles_deg)
@@ -333,7 +333,7 @@ def test_names_from_files_are_text():
 
 
 def bars_of(html: str) -> dict[str, str]:
-    """Name and number of every bar of the page; of a cause its identifier, without its plain name."""
+    """Return name and number of every bar of the page; a cause by its identifier, without its plain name."""
     shown = re.findall(r'<span class="name">(.*?)\n.*?<span class="value">(.*?)</span></div>', html, re.DOTALL)
     plain = re.compile(r"<abbr.*?</abbr> <code>(.*?)</code>", re.DOTALL)
     names = [unescape(re.sub(r"</?code>", "", plain.sub(r"\1", name))).strip() for name, _ in shown]
@@ -344,7 +344,7 @@ def bars_of(html: str) -> dict[str, str]:
 
 @pytest.mark.parametrize("kind", BY_KIND)
 def test_every_kind_of_answer_has_its_page(kind):
-    """The verdict comes first, then the gap budget; each candidate stands once, with its probability."""
+    """The verdict comes first, then the gap budget; each candidate appears once, with its probability."""
     motions, diagnosis = motions_of(rising(10, 4)), BY_KIND[kind]
     html = report_html(motions, R2, adaptations(motions, R2), {}, alone(diagnosis))
     assert [one_line(one) for one in re.findall(r"<h1>(.*?)</h1>", html, re.DOTALL)] == [sentence(diagnosis)]

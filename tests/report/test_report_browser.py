@@ -1,4 +1,4 @@
-"""The report as a person meets it: opened in a real browser, stepped, turned, chosen from, on a desk and on a phone."""
+"""The report in a real browser, as a user operates it: steps, rotation, selections, on a desktop and on a phone."""
 
 import json
 import re
@@ -29,10 +29,10 @@ from scripts.picture_report import main, picture
 pytestmark = needs_browser
 
 DRAWN_MM = 0.051
-"""The page holds tenths of a mm."""
+"""Tolerance: the page has tenths of a mm."""
 
 DRAWN_SHARE = 2e-3
-"""Twice those tenths as a share of a semi-axis of 100 mm."""
+"""Twice that rounding as a share of a semi-axis of 100 mm."""
 
 LARGEST_PICTURE_BYTES = 250_000
 
@@ -45,16 +45,16 @@ TURNED = f"(before) => ['x', 'y', 'z'].some((axis) => Math.abs({EYE}[axis] - bef
 DRAGS = 20
 
 DRAG_MS = 1_000
-"""Time for a drag to be seen."""
+"""Time until a drag is visible."""
 
 LEAST_CONTRAST = 4.5
-"""Of text, WCAG 2 AA."""
+"""Least contrast of text, WCAG 2 AA."""
 
 WHITE = 235
-"""Of 255: a shadow is darker."""
+"""Brightness (of 255) above which a pixel counts as white: shadows are darker."""
 
 MOST_INK = 0.1
-"""Share of a printed page: text and lines are less, a dark background is more."""
+"""Largest share of dark pixels of a printed page: text and lines have less, a dark background has more."""
 
 
 def two_motions(subjects: int = 2) -> Motions:
@@ -65,29 +65,29 @@ def two_motions(subjects: int = 2) -> Motions:
 M_X_MM = 7.0
 GIRDLE = replace(R2[0].girdle, centre_mm=np.array([M_X_MM, *R2[0].girdle.centre_mm[1:]]))
 SETS = [replace(R2[0], girdle=GIRDLE), MODELS[1]]
-"""M_x moved, as a file of the user's own may have it."""
+"""Sets with M_x moved, as a user's own file may have it."""
 
 
 @cache
 def adapted() -> str:
-    """Two subjects, two motions, two parameter sets."""
+    """Make the report of two subjects with two motions and two parameter sets."""
     motions = two_motions()
     return report_html(motions, SETS, adaptations(motions, SETS))
 
 
 STILL = replace(NOTHING, model="R4", gaps=replace(gap_of(3.0, 3.0), other_person=None))
-"""No cause, and a gap that leaves the verdict to the other model."""
+"""A diagnosis without a cause, whose gap leaves the verdict to the other model."""
 
 
 @cache
 def diagnosed() -> str:
-    """Two causes with R2, none with R4."""
+    """Make the report of a diagnosis: two causes with R2, none with R4."""
     motions = two_motions(10)
     return report_html(motions, MODELS, adaptations(motions, MODELS), {}, Diagnoses({"R2": TWO, "R4": STILL}))
 
 
 def drawn_scapula(seen: Seen, name: str) -> np.ndarray:
-    """AC, TS, AI and AC again, (lateral, up, backward) as in the thorax frame."""
+    """Return AC, TS, AI and AC again as drawn, (lateral, up, backward) in the thorax frame."""
     (line,) = [one for one in seen.traces() if one.get("name") == f"{name}: scapula"]
     return np.array([line["x"], line["z"], [-y for y in line["y"]]])
 
@@ -124,14 +124,14 @@ def test_model_subject_motion_and_state_can_be_chosen(look):
     assert page.input_value("#subject") == "0"
     page.select_option("#heat-motion", label="flexion")
     page.click("#play")
-    # asked for in the page, every 10 ms: a busy machine would pass it between two questions from here
+    # polled within the page every 10 ms: a busy machine would miss the posture between two requests from here
     page.wait_for_function("() => document.getElementById('posture').value === '3'", polling=10)
     page.click("#play")
     seen.assert_quiet()
 
 
 def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
-    """Every drawn point of the surface is on it."""
+    """Every drawn point of the surface lies on the ellipsoid."""
     seen = look(adapted())
     for state, moved_mm in (("before", 0.0 * MOVED_MM), ("after", MOVED_MM)):
         seen.page.click(f"#show-{state}")
@@ -228,10 +228,10 @@ def test_the_numbers_in_a_heat_map_can_be_read_on_every_colour(look):
 
 
 def drag_until_turned(seen: Seen, before: dict[str, float]) -> None:
-    """Drag the view as a person does: what is let go is what is seen, and what had no effect is done again.
+    """Drag the view as a user does, repeating drags without an effect, and release when it has turned.
 
-    A busy machine drops moves, shows them late, and loses a press that comes while the view is drawn anew. From
-    straight above only a drag upward turns it, so drags go down and up in turn.
+    A busy machine drops moves, shows them late, and loses a press that comes while the view is redrawn. From
+    straight above only an upward drag turns the view, so the drags alternate between down and up.
     """
     page = seen.page
     page.locator("#readout").evaluate("one => one.scrollIntoView()")
@@ -254,7 +254,7 @@ def drag_until_turned(seen: Seen, before: dict[str, float]) -> None:
 
 @pytest.mark.parametrize("window", [WIDE, PHONE], ids=["desk", "phone"])
 def test_the_view_steps_through_the_postures_and_turns(look, window):
-    """What is drawn is the girdle of the posture that the slider is at, measured in black, adapted in blue."""
+    """The drawn girdle is that of the slider's posture, with the measured one in black and the adapted one in blue."""
     seen = look(adapted(), window)
     page, data = seen.page, seen.data()
     model = data["models"][data["first_model"]]
@@ -300,7 +300,7 @@ def test_on_a_phone_a_table_has_a_shadow_where_it_goes_on(look):
 
 
 ODD = [EVIL, "no elevation", "failed", "one elevation", "one posture"]
-"""The subjects of whom something is missing; of the first one, the scapula."""
+"""Subjects with missing data; the first one lacks the scapula."""
 
 
 @cache
@@ -490,7 +490,7 @@ FIVE = [load_model(name) for name in ("R2", "R4", "R6", "breteler_dissection", "
 
 @cache
 def five_sets() -> str:
-    """Two causes, one over the posture of the bones, and as many as a page has room for."""
+    """Make a report of five sets: two causes, one with the posture as basis; as many sets as the page has room for."""
     motions = two_motions(3)
     diagnoses = {one.name: replace(MANY if k % 2 else TWO, model=one.name) for k, one in enumerate(FIVE)}
     return report_html(motions, FIVE, adaptations(motions, FIVE), {}, Diagnoses(diagnoses))

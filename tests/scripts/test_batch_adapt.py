@@ -1,4 +1,4 @@
-"""`scripts/batch_adapt.py`: what `girdle adapt` makes of the files of a folder."""
+"""`scripts/batch_adapt.py` gives the results of `girdle adapt` on the files of a folder."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ FEW = ["--model", "R2", "--subjects", 1, "--noise-deg", 1]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Two simulated subjects, a file each."""
+    """Write two simulated subjects, one file each."""
     made = tmp_path / "subjects"
     made.mkdir()
     for seed in (1, 2):
@@ -26,7 +26,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_folder_is_adapted_as_its_files_are_with_the_same_options(folder, tmp_path):
-    # That effect, model and number of postures have their programs from other tests.
+    # The programs for this effect, model and number of postures are already compiled by other tests.
     effect, files = "thorax_extension=0,5,0", sorted(folder.glob("*.csv"))
     batch(folder, tmp_path / "batch", effect=[effect])
     assert girdle("adapt", *files, "--effect", effect, "--out", tmp_path / "files").status == 0

@@ -1,4 +1,4 @@
-"""A part of the study of corrupted trials: wrong landmarks and signs are named, sound trials raise no alarm."""
+"""A part of the study of corrupted trials: wrong landmarks and signs are named, correct trials raise no alarm."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from scripts.research.landmarks.study_corrupted import KINDS, SIGNS, Result, cor
 
 TRIALS = 10 * (len(KINDS) + len(SIGNS))
 SEED = 20261128
-"""Of trials on which nothing was tuned."""
+"""Seed of trials that were not used for tuning."""
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_the_table_counts_by_hand():
 
 
 def test_a_simulated_trial_is_one_of_its_side():
-    """The study's own simulation is read without a word, on its side alone."""
+    """The study's own simulation is read without a message, but only with the right side."""
     sound = sound_trial(np.random.default_rng(3), False)
     other = "left" if sound.side == "right" else "right"
     assert len(postures_from_landmarks(sound.lab_mm, Labels("P", "m", sound.side), "t").posture) > 10

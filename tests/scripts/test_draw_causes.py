@@ -1,4 +1,4 @@
-"""The picture of the causes: what it averages, and that it shows every cause."""
+"""The figure of the causes: its averages, and that it shows every cause."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_a_turned_scapula_leaves_more_than_no_cause(monkeypatch):
 
 
 def test_elevations_weigh_up_to_the_mean_of_the_angles(monkeypatch):
-    """Seven elevations of two motions, 0 to 150 degrees in steps of 25: two, two and three of them."""
+    """Two motions of seven elevations, 0 to 150 degrees in steps of 25: two, two and three of them in the bins."""
     monkeypatch.setattr(draw_causes, "SUBJECTS", 1)
     values = gaps_deg(load_model(MODEL), None)
     by_angle, by_elevation = values[: len(ANGLES)], values[len(ANGLES) :]

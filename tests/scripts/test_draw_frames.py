@@ -1,4 +1,4 @@
-"""The pictures of frames and signs: each angle does what its words say, by rotations of another engine."""
+"""The figures of frames and signs: each angle moves the bones as its words say, by rotations of another library."""
 
 import numpy as np
 import pytest
@@ -21,10 +21,10 @@ MOVES = {
     "scapula_z": ("AI", OUTWARD),
     "scapula_x": ("AI", FORWARD),
 }
-"""What the words of ``SIGNS`` say that moves, and where to; thorax frame."""
+"""Point or axis that the words of ``SIGNS`` name, and the direction in which it moves; thorax frame."""
 
 TOLERANCE_MM = 1e-9
-"""Rounding of positions of a few hundred mm."""
+"""Tolerance: rounding of positions of a few hundred mm."""
 
 
 @pytest.mark.parametrize("angle", ANGLES)

@@ -1,4 +1,4 @@
-"""The examples run, and say what is so: each in this process, as a reader would run it from the shell."""
+"""The examples run and print correct results: each in this process, as a reader would run it from the shell."""
 
 import runpy
 from dataclasses import replace
@@ -17,18 +17,18 @@ from scripts.rooms import ROOT
 EXAMPLES = sorted((ROOT / "scripts" / "examples").glob("[0-9]*.py"))
 
 ROUNDED_MM = 1e-4
-"""Lengths in a .toml have so many digits."""
+"""Tolerance: lengths in a .toml have four decimals."""
 
 ROUNDING_DEG = 1e-9
-"""Of rotations there and back, through positions of 100 mm with all digits."""
+"""Tolerance of rotations there and back, through positions of 100 mm with all digits."""
 
 STEP_DEG = 0.01
-"""Of a central difference: theta moves by up to 0.1 mm, and its own curvature leaves 1e-5 of that."""
+"""Step of a central difference: theta moves by up to 0.1 mm, and its curvature causes an error of 1e-5 of that."""
 
 
 @pytest.fixture
 def example(monkeypatch):
-    """The names that an example defines, found by its number; `simulated_trial` lies beside it."""
+    """Return a function that runs an example, found by its number, and returns the names that it defines."""
     monkeypatch.syspath_prepend(str(ROOT / "scripts" / "examples"))
 
     def load(number: int) -> dict:
@@ -58,13 +58,13 @@ def test_the_command_line_does_the_same(example, tmp_path):
 
 
 def test_the_simulated_trial_has_the_angles_that_it_was_made_of(example, tmp_path):
-    """The reader and the landmark frames against scipy's rotations, which the example places the landmarks by."""
+    """Reader and landmark frames against scipy's rotations, with which the example places the landmarks."""
     names = example(1)
     read = read_trial(names["write_trc"](tmp_path / "trial.trc"))
     shipped = example(2)["shipped_subjects"]()
     rows = (shipped.subject == "simulated01") & (shipped.motion == "abduction") & (shipped.humerus_elevation_deg == 50)
     frame = np.isclose(read.humerus_elevation_deg, 50.0)
-    measured = [0, 1, 3, 4, 5]  # all but the axial rotation of the clavicle, which landmarks do not give
+    measured = [0, 1, 3, 4, 5]  # all but the axial rotation of the clavicle, which landmarks do not determine
     made = shipped.angles_deg[rows][:, measured]
     assert made.shape == (1, 5)
     np.testing.assert_allclose(read.angles_deg[frame][:, measured], made, rtol=0.0, atol=ROUNDING_DEG)
@@ -88,7 +88,7 @@ def test_an_effect_of_ones_own_is_found(example):
 
 
 def test_errors_of_the_angles_reach_the_parameters(example):
-    """The bias by differences of adaptations; the SDs beside those of the information, which leaves out curvature."""
+    """The bias agrees with differences of adaptations; the SDs with `girdle trust`, roughly for M_y and A_y."""
     names = example(4)
     bias_mm, sd_mm, trust_sd_mm = names["main"]()
     motions, model = names["shipped_subjects"](), load_model(names["MODEL"])
@@ -110,10 +110,10 @@ def test_a_persons_own_model(example, tmp_path):
     np.testing.assert_allclose(own.girdle.ai_mm, bones.ai_mm, rtol=0.0, atol=ROUNDED_MM)
 
 
-@pytest.mark.filterwarnings("ignore")  # of Dask's processes
+@pytest.mark.filterwarnings("ignore")  # warnings of Dask's processes
 def test_a_cluster(example, monkeypatch, tmp_path):
     pytest.importorskip("distributed")
-    # Its workers are threads of this process: all later tests would compile into the user's cache.
+    # Dask's workers are threads of this process: all later tests would compile into the user's cache.
     monkeypatch.setattr(dask_cluster, "keep_compiled", lambda: None)
     parameters = example(6)["main"](tmp_path)
     assert parameters["status"].tolist() == ["ok"] * 10
@@ -134,12 +134,12 @@ def test_the_sample_trials_are_written_as_they_ship(tmp_path, example, monkeypat
     names = sorted(path.name for path in tmp_path.iterdir())
     assert len(names) == 5
     for name in names:
-        if not name.endswith(".c3d"):  # which holds the version of its writer
+        if not name.endswith(".c3d"):  # a .c3d file contains the version of its writer
             assert (tmp_path / name).read_bytes() == (ROOT / "motions" / "data" / name).read_bytes(), name
 
 
 def test_the_sample_trials_say_the_same(tmp_path):
-    """Landmarks as .trc, as .c3d and carried by clusters are one motion, but for rounding to 0.01 mm."""
+    """Landmarks as .trc, as .c3d and carried by clusters are one motion, except for rounding to 0.01 mm."""
     data, at = ROOT / "motions" / "data", range(0, 121, 20)
     trc, c3d = (read_trial(data / f"simulated_trial.{kind}", at_deg=at) for kind in ("trc", "c3d"))
     clusters = read_trial(

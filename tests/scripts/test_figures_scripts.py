@@ -1,4 +1,4 @@
-"""The scripts on the output of `girdle adapt`: a hand-made folder whose figures can be worked out by hand."""
+"""The scripts for the output of `girdle adapt`, on a hand-made folder whose figures can be computed by hand."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,11 +12,11 @@ from motions import ANGLES, InputError
 from scripts import draw_before_after, summarise_gap
 
 GAP_DEG = {0: 3.0, 1: 1.0}
-"""Simulated less measured, every angle, before and after adaptation."""
+"""Simulated less measured, for every angle, before and after adaptation."""
 
 
 def fits(subject: str) -> pd.DataFrame:
-    """Three postures before and after; the measured angles rise with the humerus."""
+    """Make three postures before and after adaptation; the measured angles increase with the humerus."""
     rows = [
         {"model": "R2", "subject": subject, "motion": "abduction", "posture": posture, "adapted": adapted}
         | {"humerus_elevation_deg": 30.0 * posture, "status": "ok", "jump": 0}
@@ -29,10 +29,10 @@ def fits(subject: str) -> pd.DataFrame:
 
 
 def summary(adapted: int, mean_deg: float, max_deg: float) -> pd.DataFrame:
-    """The statistics rows of all motions, beside a motion and a subject that must not be taken for them.
+    """Make the statistics rows of all motions, and rows of one motion and one subject that the scripts must not use.
 
-    The clavicle has half the scapula's mean, and each angle a tenth less than the one before it. Held out, it is a
-    degree more.
+    The clavicle has half the scapula's mean, and each angle a tenth less than the one before it. The held-out gap is a
+    degree larger.
     """
     means = {f"{angle}_deg": max_deg - 0.1 * k for k, angle in enumerate(reversed(ANGLES))}
     bones = {"clavicle_deg": mean_deg / 2.0, "scapula_deg": mean_deg}
@@ -48,7 +48,7 @@ def summary(adapted: int, mean_deg: float, max_deg: float) -> pd.DataFrame:
 def parameters(
     subject: str, moved_mm: tuple[float, float], at_bound: tuple[str, ...], status: str
 ) -> dict[str, object]:
-    """One row of parameters.csv."""
+    """Make one row of parameters.csv."""
     row: dict[str, object] = {"model": "R2", "subject": subject, "status": status}
     for name in ADAPTED:
         row |= {f"{name}_mm": 100.0, f"{name}_mm_model": 100.0, f"{name}_mm_at_bound": int(name in at_bound)}
@@ -57,7 +57,7 @@ def parameters(
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """What `girdle adapt` writes for the subjects 001, b and c; c did not converge."""
+    """Write the tables of `girdle adapt` for the subjects 001, b and c; c did not converge."""
     pd.concat([fits("001"), fits("b")]).to_csv(tmp_path / "fits.csv", index=False)
     pd.concat([summary(0, 6.0, 20.0), summary(1, 3.0, 10.0)]).to_csv(tmp_path / "summary.csv", index=False)
     rows = [
@@ -70,7 +70,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def drawn(folder: Path, name: str, *options: str) -> str:
-    """The SVG that the script writes with these options."""
+    """Return the SVG that the script writes with these options."""
     out = folder / "figures" / name
     arguments = [str(folder / "fits.csv"), "--out", str(out), *options]
     result = CliRunner().invoke(draw_before_after.app, arguments, catch_exceptions=False)
@@ -91,7 +91,7 @@ def test_the_figure_names_its_subject_and_its_gaps(folder):
 
 
 def test_the_figure_says_the_gap_where_its_motion_was_held_out(folder):
-    """One motion of the subject: that of all. Without the summary, or with nothing held out, it says nothing."""
+    """The subject's only motion has the gap of all motions. Without summary or held-out gaps nothing is printed."""
     table = pd.read_csv(folder / "summary.csv", dtype={"subject": str})
     mine = (table["subject"] == "001") & (table["adapted"] == 1)
     table.loc[mine, ["scapula_held_out_deg", "clavicle_held_out_deg"]] = 1.25, 2.5

@@ -1,4 +1,4 @@
-"""Some of the broken files of scripts/fuzz_readers.py; `make fuzz` tries thousands."""
+"""A few of the broken files of scripts/fuzz_readers.py; `make fuzz` tries thousands."""
 
 import tempfile
 from pathlib import Path
@@ -19,7 +19,7 @@ IN_CHILD = [name for name, kind in _KINDS.items() if kind.in_child]
 
 @pytest.fixture(scope="module")
 def every(tmp_path_factory) -> dict[str, Kind]:
-    """All kinds, in one folder as in ``make fuzz``: to make their valid files takes a tenth of a second."""
+    """Return all kinds of files, in one folder as in ``make fuzz``; making valid files takes a tenth of a second."""
     return kinds(tmp_path_factory.mktemp("kinds"))
 
 
@@ -34,11 +34,11 @@ def test_broken_files_are_read_or_refused_in_one_line(every, tmp_path, name):
     kind = every[name]
     found = [outcome(kind, file_number(kind, SEED, number), tmp_path) for number in range(FEW)]
     assert set(found) <= {READ, REFUSED}
-    assert REFUSED in found or name == "list of a run"  # whose lines that are none are passed over
+    assert REFUSED in found or name == "list of a run"  # this reader skips invalid lines
 
 
 def test_a_surface_on_which_vtk_crashes_ends_in_a_message(every, tmp_path):
-    """Found by fuzzing: of a PLY file without vertex_indices vtk frees what it never took."""
+    """Found by fuzzing: for a PLY file without vertex_indices vtk frees memory that it never allocated."""
     kind = every["ply"]
     (tmp_path / "x.ply").write_bytes(kind.valid.replace(b"vertex_indices", b"indices"))
     with pytest.raises(InputError, match=r"vtk cannot read the file|no whole surface"):
@@ -46,7 +46,7 @@ def test_a_surface_on_which_vtk_crashes_ends_in_a_message(every, tmp_path):
 
 
 def test_a_reader_that_fails_is_found_out(every, tmp_path):
-    """The oracle itself: an error of another class, and a warning."""
+    """Test of the check itself: another exception class, and a warning."""
 
     def raising(error: Exception):
         def read(_):
@@ -61,20 +61,20 @@ def test_a_reader_that_fails_is_found_out(every, tmp_path):
 
 
 def test_an_error_that_quotes_a_file_is_one_printable_line():
-    """Found by fuzzing: names of columns and markers with control characters in them."""
+    """Found by fuzzing: names of columns and markers that contain control characters."""
     error = InputError("f\n", None, "column 'A\tI' is\ntwice", "Rename \x1b[31mit")
     assert str(error) == "f?: column 'A?I' is?twice. Rename ?[31mit."
 
 
 def test_a_mapping_nested_too_deep_ends_in_a_message(tmp_path):
-    """Found by fuzzing."""
+    """Regression test for a fault found by fuzzing."""
     (tmp_path / "map.toml").write_text("axes = " + "[" * 5000)
     with pytest.raises(InputError, match="not a TOML file"):
         read_mapping(tmp_path / "map.toml")
 
 
 def crashing_c3d(every: dict[str, Kind]) -> bytes:
-    """A number of bytes in a parameter that ezc3d 1.6 follows out of its memory."""
+    """Return a .c3d file with a byte count in a parameter that makes ezc3d 1.6 read outside its memory."""
     return file_number(every["c3d"], 1, 26)
 
 

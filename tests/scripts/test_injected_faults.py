@@ -1,4 +1,4 @@
-"""The faults that are put into measured motions are the ones that they are said to be."""
+"""The faults that injected_faults.py adds to measured motions agree with their definitions."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,26 +27,26 @@ from scripts.research.named_causes.injected_faults import (
 SHIPPED = Path(__file__).parents[2] / "motions" / "data" / "simulated_subjects.csv"
 
 ROUNDING_DEG = 1e-9
-"""Of rotations built up in another order."""
+"""Tolerance: rounding of rotations that are composed in another order."""
 
 TURN = Rotation.from_rotvec([-2.0, -15.0, -10.0], degrees=True)
-"""About as the frame of AC is turned to that of AA."""
+"""Rotation similar to that from the AC frame to the AA frame."""
 
 
 @pytest.fixture(scope="module")
 def motions() -> Motions:
-    """Simulated subjects, three of them."""
+    """Simulate three subjects."""
     every = read_motions(SHIPPED)
     return every.select(np.isin(every.subject, every.subjects[:3]))
 
 
 def scapula(motions: Motions) -> Rotation:
-    """The scapula's rotations, by scipy."""
+    """Return the scapula's rotations, by scipy."""
     return Rotation.from_euler("YZX", motions.angles_deg[:, 3:], degrees=True)
 
 
 def turned(motions: Motions) -> Motions:
-    """The same bones in a frame turned by TURN."""
+    """Return the same bones in a frame rotated by TURN."""
     angles = motions.angles_deg.copy()
     angles[:, 3:] = (scapula(motions) * TURN).as_euler("YZX", degrees=True)
     return replace(motions, angles_deg=angles)
@@ -77,7 +77,7 @@ def test_the_skin_is_behind_by_the_measured_lag(motions: Motions) -> None:
 
 
 def test_a_cluster_tips_too_much_and_turns_too_little(motions: Motions) -> None:
-    """R_true = R_measured exp(lag): half of it at 60 degrees, all of it from 120 on."""
+    """R_true = R_measured exp(lag), with half of the lag at 60 degrees and all of it from 120 on."""
     seen, bone = scapula(with_cluster_lag(motions)), scapula(motions)
     lag = (seen.inv() * bone).as_rotvec(degrees=True)
     elevation = motions.humerus_elevation_deg

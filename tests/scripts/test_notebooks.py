@@ -1,4 +1,4 @@
-"""The notebooks are those of their pages, and run from the first cell to the last."""
+"""The notebooks are up to date with their pages, and run from the first cell to the last."""
 
 import json
 
@@ -12,7 +12,7 @@ PAGES = notebooks.pages()
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_notebook_is_that_of_its_page(page):
-    """Run `python -m scripts.notebooks` after a change of a page."""
+    """If this fails, run `python -m scripts.notebooks`: the page has changed."""
     made = notebooks.notebook(page.read_text(encoding="utf-8"))
     assert page.with_suffix(".ipynb").read_text(encoding="utf-8") == made
 

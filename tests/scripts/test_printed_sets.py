@@ -1,4 +1,4 @@
-"""The shipped sets of the thesis against its tables, typed a second time."""
+"""The shipped sets of the thesis against its tables, which were typed a second time for this test."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from scripts.research.thesis import scores
 
 
 def test_the_conclusions_of_the_thesis_follow_from_its_tables():
-    """6.4: the scapula's mean from 7.2 to 3.8, its max from 28.5 to 10.2. Table 6.6 is what the shipped sets have."""
+    """6.4: the scapula's mean from 7.2 to 3.8, its max from 28.5 to 10.2. Table 6.6 has the shipped parameters."""
     before, after = printed.gaps_deg(adapted=False), printed.gaps_deg(adapted=True)
     assert [round(float(x[:, 3:].mean()), 1) for x in (before, after)] == [7.2, 3.8]
     assert [float(x[:, 3:].max()) for x in (before, after)] == [28.5, 10.2]

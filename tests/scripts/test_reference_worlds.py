@@ -1,4 +1,4 @@
-"""The reference worlds against the library: no code in common, and the same closed chain, effects, signs and units."""
+"""The simulated reference worlds against the library, without shared code: closed chain, effects, signs and units."""
 
 import ast
 import json
@@ -27,10 +27,10 @@ from scripts.research.named_causes.synthetic_b.worlds import Case, write_case
 MODELS = Path(__file__).parents[2] / "models" / "sets"
 
 SAME_MM = 1e-3
-"""Angles are written with four decimals: 1e-4 degrees at arms of up to 200 mm, several of them."""
+"""Tolerance: angles have four decimals, and errors of 1e-4 degrees act on several arms of up to 200 mm."""
 
 SEEN_MM = 0.5
-"""Less than this would hardly be an effect."""
+"""Least residual that an effect must cause."""
 
 ADAPTED = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid_length")
 
@@ -60,12 +60,12 @@ def test_every_world_with_a_listed_effect_has_its_directions(label: str) -> None
 
 
 def residuals_mm(folder: Path, with_effects: bool = False) -> np.ndarray:
-    """A1-A3 of the base model with each subject's true parameters, and with its effects as strong as the truth says
-    they are, (3, rows)."""
+    """Compute A1-A3 of the base model with each subject's true parameters, (3, rows), optionally with the effects in
+    their true strengths."""
     truth = json.loads((folder / "truth.json").read_text())
     girdle = load_model(truth["model"]).girdle
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", InputWarning)  # an estimate that lags far looks like another sign
+        warnings.simplefilter("ignore", InputWarning)  # a large lag of the estimate looks like another sign
         motions = read_motions(folder / "motions.csv")
     found = []
     for subject in truth["subjects"]:
@@ -85,7 +85,7 @@ def made(folder: Path, *names: str, **how) -> Path:
 
 
 def test_without_effect_and_noise_the_chain_is_closed(tmp_path):
-    """By another text than that which closed it."""
+    """The library's chain closes at the postures that the reference world's own chain has closed."""
     assert np.abs(residuals_mm(made(tmp_path, subjects=3, noise_deg=0.0))).max() < SAME_MM
 
 
@@ -98,6 +98,6 @@ def test_every_effect_opens_the_chain_of_the_base_model(tmp_path, name):
 
 @pytest.mark.parametrize("name", HAVE_STRENGTHS)
 def test_with_the_strengths_that_the_truth_tells_the_library_closes_the_chain(tmp_path, name):
-    """Directions, signs and units are the library's: its own text of the effect takes the whole gap away."""
+    """Directions, signs and units agree: the library's effect, with the true strengths, removes the whole gap."""
     folder = made(tmp_path, name, subjects=2, noise_deg=0.0)
     assert np.abs(residuals_mm(folder, with_effects=True)).max() < SAME_MM

@@ -1,4 +1,4 @@
-"""Every script starts and explains itself: what its command line is made of fits together."""
+"""Every script starts and prints its help, so its command line is consistent."""
 
 import runpy
 import sys
@@ -12,7 +12,7 @@ RUN = sorted(
     for path in SCRIPTS.rglob("*.py")
     if '\nif __name__ == "__main__"' in path.read_text(encoding="utf-8") and path.parent.name != "examples"
 )
-"""Not the examples: they take no options, and run as they are (tests/scripts/test_examples.py)."""
+"""The examples are excluded: they take no options, and tests/scripts/test_examples.py runs them."""
 
 
 @pytest.mark.parametrize("script", RUN, ids=lambda path: str(path.relative_to(SCRIPTS)))

@@ -1,4 +1,4 @@
-"""Every solver of whole subjects on every problem: against IPOPT, JAX's derivatives and girdles that are known."""
+"""Table of every solver of whole subjects on every problem: against IPOPT, JAX's derivatives and known girdles."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,22 +28,22 @@ from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
 E_TOLERANCE = 1e-6
-"""Relative. IPOPT ends at a barrier of 1e-11 and constraints of 1e-10 mm: E to 1e-9; two optima differ by more."""
+"""Relative. IPOPT's barrier of 1e-11 and constraints of 1e-10 mm give E to 1e-9; two optima differ by more."""
 
 OTHERS_MM = np.array([50.0, 8.0, 8.0, 50.0, 8.0, 3.0])
-"""SDs of other starts about the geometric fit: half the bounds, about."""
+"""SDs of random starts about the geometric fit: about half of the bounds."""
 
 SLOPE = 1e-6
-"""mm^2 a mm: the solver's 1e-8, and the rounding of JAX's derivatives."""
+"""Tolerance in mm^2 per mm: the solver's 1e-8, and the rounding of JAX's derivatives."""
 
 RECOVERED_MM = 1e-4
-"""Known parameters of simulated subjects: E = 0 there, and its flattest direction curves by 1e-4 mm^2 a mm^2."""
+"""Tolerance for known parameters: E = 0 there, and its smallest curvature is 1e-4 mm^2 per mm^2."""
 
 PARTNERS = 1e-12
-"""Relative: lanes are elementwise, so order and company change nothing but which instruction rounds."""
+"""Relative tolerance between batches: problems are independent, so their order and number change only the rounding."""
 
 NO_GAP = 1e-12
-"""E of a subject that the model can be exactly: constraint residuals of 1e-9 mm, squared."""
+"""E of a subject that the model can match exactly: squares of constraint residuals of 1e-9 mm."""
 
 BOUND_MM = 1e-9
 
@@ -54,12 +54,12 @@ class Answer(NamedTuple):
     theta: np.ndarray
     angles: np.ndarray
     multipliers: np.ndarray
-    """Of E."""
+    """Lagrange multipliers of E."""
     converged: np.ndarray
 
 
 def from_geometric_fit(fit_subjects: Callable) -> Callable[[Problems], Answer]:
-    """A kernel from the geometric fit and the postures that are fitted there."""
+    """Solve by a kernel, from the geometric fit and the postures fitted there."""
 
     def solved(data: Problems) -> Answer:
         theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
@@ -78,7 +78,7 @@ def by_adapt_batch(data: Problems) -> Answer:
 
 
 def by_differentiable(data: Problems) -> Answer:
-    """Subject by subject."""
+    """Solve one subject at a time."""
     measured, found = data.measured & data.counted, []
     given = data.girdle, data.points_mm, data.bounds_mm, np.where(measured, data.angles, np.nan)
     for k in range(data.counted.shape[1]):
@@ -102,25 +102,26 @@ NOT_FOR = {
     "newton": {"effects", "effects of no size"},
     "differentiable": {"effects", "effects of no size", "R2, R4 and R6", "das3", "padded postures"},
 }
-"""Chains that a solver does not take; sets and padding with which tests/solvers/test_differentiable.py compares."""
+"""Chains that a solver does not support; for ``differentiable`` also sets and padding, which
+tests/solvers/test_differentiable.py compares."""
 
 # --- the problems ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Subjects with models, and all that is known of their adaptations."""
+    """Subjects with models, and the known properties of their adaptations."""
 
     data: Problems
     plain: Girdle
-    """With the constraints of the data's girdle and effects, as the other engine knows them."""
+    """Girdle without effects and with the constraints of the data's girdle and effects, for the independent solvers."""
 
     @property
     def count(self) -> int:
         return self.data.counted.shape[1]
 
     def postures(self, problem: int, values) -> np.ndarray:
-        """Those that count, of (components, postures, problems)."""
+        """Select the postures that count from an array (components, postures, problems)."""
         return np.asarray(values)[:, self.data.counted[:, problem], problem]
 
 
@@ -130,8 +131,8 @@ def with_sets(motions: Motions, *names: str) -> Problem:
 
 
 def missing() -> Problem:
-    """The clavicle's axial rotation of every third posture and an angle of the scapula of every fifth: projections are
-    long in settling them."""
+    """The clavicle's axial rotation is missing in every third posture, an angle of the scapula in every fifth:
+    projections converge slowly for them."""
     motions = simulate_subjects(3, seed=12, noise_deg=1.0)
     motions.angles_deg[::3, 2] = motions.angles_deg[1::5, 4] = np.nan
     return with_sets(motions, "R2")
@@ -145,7 +146,7 @@ def padded_postures() -> Problem:
 
 
 MOVED_MM = np.array([8.0, -5.0, 4.0, 10.0, -6.0, 1.0])
-"""How far the girdle of the known subject is from the set's: within the bounds, and no start of the solver."""
+"""Parameters of the known girdle less those of the set: within the bounds, and not a start of the solver."""
 
 
 def known() -> Problem:
@@ -160,7 +161,7 @@ def known() -> Problem:
 
 
 def at_a_bound() -> Problem:
-    """The same subjects, M_y not allowed to where it is."""
+    """The known subjects, with a bound that excludes their M_y."""
     one = known()
     bounds = np.array(one.data.bounds_mm)
     bounds[1, 0] = one.data.girdle.adapted_mm[0] + MOVED_MM[0] - 3.0
@@ -183,8 +184,7 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
     "effects of no size": lambda: with_effects((0.0, 0.0), (0.0, 0.0, 0.0)),
     "effects": lambda: with_effects((4.0, -3.0), (5.0, -4.0, 3.0)),
 }
-"""Of R4 and R6 one of the subjects has postures between two local minima, from which the adaptation once came out 2 %
-above IPOPT."""
+"""In R4 and R6, one subject has postures between two local minima: an adaptation once ended 2 % above IPOPT."""
 
 problem = cache(lambda name: PROBLEMS[name]())
 
@@ -204,7 +204,7 @@ def cells(*left_out: str) -> pytest.MarkDecorator:
 
 @cells()
 def test_ends_at_an_optimum_within_the_bounds(solver, name):
-    """Closed chains by NumPy; by JAX's derivatives nothing is left to move in but what a bound holds."""
+    """Check the constraints by NumPy, and by JAX that the gradient of the Lagrangian is 0 except at bounds."""
     one, found = problem(name), solved(solver, name)
     assert found.converged.all()
     lower, upper = one.data.bounds_mm
@@ -221,11 +221,11 @@ def test_ends_at_an_optimum_within_the_bounds(solver, name):
 
 
 SEVERAL = 12
-"""As many as the largest problem has: one compilation."""
+"""Number of problems of the largest case, for one compilation."""
 
 
 def numpys(one: Problem, found: Answer | Adapted, k: int) -> tuple[float, float]:
-    """E, and how far the chains gape, of an answer by the other engine."""
+    """Compute E and the largest constraint violation of an answer by the independent code (``oracles``)."""
     theta = found.theta_mm if isinstance(found, Adapted) else found.theta
     points, measured = one.data.points_mm[..., k], one.postures(k, one.data.measured)
     target_deg, angles_deg = (one.postures(k, x) * DEG for x in (one.data.angles, found.angles))
@@ -246,7 +246,7 @@ def ipopts(name: str) -> np.ndarray:
 
 
 def ipopts_of(one: Problem) -> np.ndarray:
-    """The lowest E that IPOPT finds from the starts of an adaptation, of every problem."""
+    """Return the lowest E that IPOPT finds from the starts of an adaptation, for every problem."""
     data, best = one.data, np.full(one.count, np.inf)
     for offset in STARTS_MM:
         theta = np.clip(data.girdle.adapted_mm + offset[:, None], *data.bounds_mm)
@@ -309,7 +309,7 @@ def test_measured_subjects_are_not_above_ipopt(measured):
 
 
 def test_other_starts_find_nothing_lower(measured):
-    """Eight drawn about the geometric fit, of the shoulder whose adaptations once ended up to a fifth above others."""
+    """Check eight random starts about the geometric fit, for a shoulder that once ended up to a fifth higher."""
     one, motions, adapted = measured
     subject, width = motions.subjects.index("mean_oki2012"), len(motions.subjects)
     mine = np.array([k * width + subject for k, name in enumerate(model_names()) if name != "das3"])
@@ -321,8 +321,10 @@ def test_other_starts_find_nothing_lower(measured):
 
 
 def test_no_posture_of_an_adaptation_is_in_the_higher_of_two_local_minima():
-    """From 20 drawn places each, of 200 subjects with noise of 5 degrees: three postures once were, with gaps of 6 to 7
-    degrees."""
+    """Check postures against fits from 20 random places each, for 200 subjects with noise of 5 degrees.
+
+    Three postures once ended in the higher minimum, with gaps of 6 to 7 degrees.
+    """
     for seed in (5, 6):
         data = with_sets(simulate_subjects(100, seed=seed, noise_deg=5.0), "R2").data
         adapted, (posture, number) = adapt_batch(data), np.nonzero(data.counted)
@@ -336,7 +338,7 @@ def test_no_posture_of_an_adaptation_is_in_the_higher_of_two_local_minima():
 
 
 def test_order_and_company_of_the_subjects_do_not_matter():
-    """The problems in reverse order, one subject of four replaced by another person."""
+    """Check the problems in reverse order, with one subject of four replaced by another person."""
     data = problem("R2, R4 and R6").data
     backward = np.arange(data.counted.shape[1])[::-1]
     angles, others = data.angles[..., backward], backward % 4 == 0

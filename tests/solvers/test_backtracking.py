@@ -1,4 +1,4 @@
-"""The loop of the fast paths by hand: what is accepted, what is tried again, and who has stopped."""
+"""The backtracking loop of the fast paths by hand: accepted and shortened steps, and the end of a problem."""
 
 from typing import Any, NamedTuple
 
@@ -26,21 +26,21 @@ def test_a_point_that_is_not_higher_is_good_and_no_number_never():
 
 
 def test_when_hardly_anything_is_left_of_a_step_it_is_taken():
-    """Shorter than a twentieth, uphill or not, but not to where there is no number."""
+    """Check that a step below a twentieth of its length is accepted even uphill, but only to a finite merit."""
     merit = np.array([3.0, 3.0, np.nan, np.inf])
     length = np.array([0.051, 0.049, 0.01, 0.01])
     assert good_enough(state(merit, length), merit).tolist() == [False, True, False, False]
 
 
 def test_rounding_is_that_of_the_merit():
-    """1e-11 of it; of a merit near 0, of 1. Either sign."""
+    """Check the tolerance of the merit: 1e-11 relative to it, absolute for a merit near 0, for both signs."""
     before = np.array([1e6, 1e6, -1e6, -1e6, 0.0, 0.0])
     rise = np.array([0.9e-5, 1.1e-5, 0.9e-5, 1.1e-5, 0.9e-11, 1.1e-11])
     assert good_enough(state(before, merit=before), before + rise).tolist() == [True, False] * 3
 
 
 def test_a_refused_step_comes_back_part_of_the_way():
-    """From where the last one was, to 0.3 of it; the iteration counts."""
+    """Check that a refused step is cut to 0.3 of its length and keeps the previous state; the iteration counts."""
     old = state([1.0, 1.0], length=0.5)
     accepted = state([7.0, 7.0], merit=1.0, iterations=1, converged=True)
     found = accepted_or_shorter(np.array([True, False]), accepted, old)
@@ -52,7 +52,10 @@ def test_a_refused_step_comes_back_part_of_the_way():
 
 
 def test_each_lane_goes_on_until_it_has_converged_or_has_no_iterations_left():
-    """Halved until below 1: 3 becomes 3/4 in two; 1000 would need ten; 0.5 is there before it begins, and stays."""
+    """Check a toy iteration that halves x until it is below 1.
+
+    3 becomes 3/4 in two iterations; 1000 would need ten, of four allowed; 0.5 has converged before the first and stays.
+    """
     seen = []
 
     def advance(now):

@@ -1,5 +1,5 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
-"""What intervals of bones are unsure of: straight and curved ridges, and scales that few persons tell."""
+"""Corrections of the intervals of bones: straight and curved ridges, and scales that few persons determine poorly."""
 
 from types import SimpleNamespace
 
@@ -27,7 +27,7 @@ def twice() -> SimpleNamespace:
 
 
 def untold(motions: Motions, *models) -> np.ndarray:
-    """Of R2."""
+    """Return the untold fractions of R2."""
     return learn_people(posture_rows(motions, {}), models or [R2], held_out=False).unsure["R2"].untold
 
 
@@ -36,7 +36,10 @@ def unsure(share=NOTHING, scale_variance=NOTHING) -> dict:
 
 
 def test_a_share_that_is_not_told_is_the_prior_s():
-    """C + r (1 - C) r, in the units of the sizes: the prior's for 1, of two groups that differ between them."""
+    """Check the covariance against C + r (1 - C) r in units of the sizes, with a different fraction for each group.
+
+    A fraction of 1 gives the prior variance.
+    """
     motions = simulated(3).motions
     known, own = people(), adapted(motions).problems.own_bones
     share = np.array([0.0, 0.36, 1.0])
@@ -50,7 +53,7 @@ def test_a_share_that_is_not_told_is_the_prior_s():
 
 
 def test_a_scale_that_is_unsure_makes_the_prior_s_part_unsure():
-    """C + C D C, in the units of the sizes; sizes, what is told and the distance from the set are as they were."""
+    """Check the covariance against C + C D C in units of the prior; sizes, ``told`` and ``distance`` stay the same."""
     motions = simulated(3).motions
     known, own = people(), adapted(motions).problems.own_bones
     variance = np.array([0.1, 0.0, 0.2])
@@ -64,19 +67,19 @@ def test_a_scale_that_is_unsure_makes_the_prior_s_part_unsure():
 
 
 def test_the_variance_of_scales_is_that_of_normal_numbers():
-    """A scale of n numbers that are seen as they are has the relative variance 1 / 2 n, less what the prior knows.
+    """Check the relative variance of a scale against 1 / 2 n, for n numbers seen without noise, with the scale's prior.
 
-    With a noise as large as the numbers more, and of persons who do not differ it is not sure to be 0.
+    The variance is larger with noise as large as the numbers, and for persons who do not differ.
     """
     generator, persons = np.random.default_rng(3), 40
     n = len(SIZES)
     numbers = persons * np.bincount(GROUP)
     z = generator.standard_normal((n, persons))
-    z *= np.sqrt(numbers / (IN_GROUP.T @ (z**2)).sum(axis=1))[GROUP, None]  # their scale is 1 to the last digit
+    z *= np.sqrt(numbers / (IN_GROUP.T @ (z**2)).sum(axis=1))[GROUP, None]  # their sample SD is exactly 1
 
     def variances(factor, noise_deg):
         b = factor * z + noise_deg * generator.standard_normal((n, persons))
-        more = noise_deg * generator.standard_normal((9 * n, persons))  # which no size moves: they tell the noise
+        more = noise_deg * generator.standard_normal((9 * n, persons))  # independent of sizes: determines the noise
         square, every = (b**2).sum(axis=0) + (more**2).sum(axis=0), np.ones((1, persons), bool)
         of = Moments(np.repeat(np.eye(n)[..., None], persons, axis=-1), b, square, np.full(persons, 10 * n))
         return relative_variances(of, every, learnt(of, every, [Scales()]))[0]
@@ -88,13 +91,14 @@ def test_the_variance_of_scales_is_that_of_normal_numbers():
 
 
 def test_ridges_of_persons_who_hardly_differ_are_straight():
-    """The chain is linear over a fiftieth of how people differ, and draws move the optimum as the slopes say."""
+    """Check that little is untold: the chain is linear over a fiftieth of people's variation, so that draws move the
+    optimum as the Jacobian says."""
     found = untold(simulated(20, 0.0, noise_deg=0.1, seed=12).motions)
     assert found[1:].max() < 0.02
 
 
 def test_curved_ridges_tell_less(twice):
-    """And the same of a set alone as beside another."""
+    """Check the untold fractions of a set, which stay the same beside another set."""
     alone = untold(twice.motions)
     assert (alone > 0.08).all()
     assert (alone < 0.7).all()
@@ -109,7 +113,8 @@ def test_of_few_persons_nothing_is_known_of_it():
 
 
 def test_intervals_of_persons_who_differ_twice_as_much_hold(twice):
-    """Of bones and frames, with the scales as they are: without what ridges do not tell they are too small."""
+    """Check the coverage of intervals of bones and frames with the true scales: too low with the linearised
+    covariance."""
     inside = {}
     scales = {"R2": Scales(1.0, 2.0, 2.0, NOISE_DEG)}
     for word, share in (("slopes", NOTHING), ("ridges", untold(twice.motions))):
@@ -117,4 +122,4 @@ def test_intervals_of_persons_who_differ_twice_as_much_hold(twice):
         close = np.abs(own.sizes - twice.sizes) <= 1.96 * own.sd
         inside[word] = [close[k == GROUP].mean() for k in (1, 2)]
     assert min(inside["slopes"]) < 0.925
-    assert 0.925 < min(inside["ridges"]) <= max(inside["ridges"]) < 0.98, inside  # 95 %, with an error of 1 %
+    assert 0.925 < min(inside["ridges"]) <= max(inside["ridges"]) < 0.98, inside  # 95 %, known to 1 %

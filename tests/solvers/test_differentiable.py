@@ -1,5 +1,5 @@
-"""The differentiable adaptation: its optimum is that of ``adapt_subjects``, its slopes are the differences of that, and
-``vmap`` over padded subjects is each of them alone."""
+"""The differentiable adaptation: its optimum against ``adapt_subjects``, its derivatives against finite differences of
+``adapt_subjects``, and ``vmap`` over padded subjects against each subject alone."""
 
 from dataclasses import replace
 
@@ -20,33 +20,34 @@ from motions.rhythm_subjects import DATA_FILE
 from motions.table import Motions
 
 SAME_E = 1e-9
-"""Relative."""
+"""Relative tolerance."""
 
 SAME_THETA_MM = 1e-6
-"""Of the compiled solver's optimum, which ends at a stationarity of 1e-9."""
+"""Tolerance for the optimum of the compiled solver, which ends at a stationarity of 1e-9."""
 
 ALONE = 1e-12
-"""Relative to the largest: side by side and alone."""
+"""Tolerance relative to the largest number, between a batch and a subject alone."""
 
 BOTH_WAYS = 1e-9
-"""Relative to the largest: forward and reverse, the same 6 x 6 and 9 x 9 systems from both sides."""
+"""Relative to the largest number: forward and reverse mode solve the same 6 x 6 and 9 x 9 systems."""
 
 BY_DIFFERENCES = 1e-5
-"""Relative to the largest of a direction. Differences of four points, error h^4. With these steps theta moves by some
-0.05 mm and is known to 1e-10 mm, also along the flat direction of M_y and A_y; where it moves by 2 mm, 3 % are left."""
+"""Tolerance relative to the largest component, for four-point differences with error h^4. With these steps theta moves
+by some 0.05 mm and is known to 1e-10 mm, also in the flat direction of M_y and A_y; where theta moves by 2 mm, the
+differences are off by 3 %."""
 
 STEP_RAD, STEP_MM, STEP_W = 2e-5, 2e-3, 0.01
 
 SETS = model_names()
 SHIPPED = read_motions(DATA_FILE)
 OF_ALL_SETS = "simulated02"
-"""With A_y at its bound in three sets, with all parameters free in three."""
+"""Subject with A_y at its bound in three sets, and with all parameters free in three."""
 
 COUNTS = (5, 10, 18, POSTURES)
-"""Of the subjects beside those six; ten with 5 to 22 postures, then."""
+"""Numbers of postures of further subjects; with the six above there are ten, with 5 to 22 postures."""
 
 SHORT = 2
-"""Measured angles of a posture that is not determined."""
+"""Number of measured angles in a posture that they do not determine."""
 
 
 def angles_of(subject: str) -> np.ndarray:
@@ -54,7 +55,7 @@ def angles_of(subject: str) -> np.ndarray:
 
 
 def unequal_subjects() -> list[np.ndarray]:
-    """Subjects with so many postures; beyond the 14 shipped ones they repeat, with noise."""
+    """Make subjects with these numbers of postures; beyond the 14 shipped ones, postures repeat with noise."""
     noise, found = np.random.default_rng(0), []
     for subject, count in zip(SHIPPED.subjects, COUNTS, strict=False):
         own = angles_of(subject)
@@ -67,7 +68,7 @@ UNEQUAL = unequal_subjects()
 
 
 def lanes() -> list[tuple]:
-    """One of each set, the unequal ones with R2, and one with a posture that is not determined."""
+    """Return one problem per set, the unequal subjects with R2, and one with an undetermined posture."""
     undetermined = angles_of(OF_ALL_SETS)
     undetermined[SHORT:, 0] = np.nan
     chosen = [(name, angles_of(OF_ALL_SETS)) for name in SETS]
@@ -86,7 +87,7 @@ UNEQUAL_LANES = range(len(SETS), len(SETS) + len(COUNTS))
 
 @pytest.fixture(scope="module")
 def side_by_side():
-    """Slopes of theta in everything, and the result, of all lanes: jit of vmap in reverse."""
+    """Compute derivatives of theta in all inputs, and the result, of all problems: jit of vmap in reverse mode."""
     together = jax.tree.map(lambda *x: jnp.stack([jnp.asarray(one) for one in x]), *LANES)
     slopes, found = few_runs(jax.vmap(jax.jacrev(theta_and_result, argnums=(0, 1, 2, 3, 4), has_aux=True)))(*together)
     return jax.tree.map(np.asarray, (slopes, found))
@@ -97,7 +98,7 @@ def lane(tree, number: int):
 
 
 def motions_of(subjects: dict[str, np.ndarray]) -> Motions:
-    """Subjects with angles (6, postures) in rad, in one motion each."""
+    """Make subjects with angles (6, postures) in rad, one motion each."""
     count = [angles.shape[1] for angles in subjects.values()]
     return Motions(
         subject=np.repeat(list(subjects), count),
@@ -166,7 +167,7 @@ AT = (1, -1, 2, -2)
 
 
 def difference(thetas, step: float) -> np.ndarray:
-    """The slope from theta at ``AT`` times a step."""
+    """Compute the derivative from theta at ``AT`` times a step."""
     up, down, twice_up, twice_down = thetas
     return (8.0 * (up - down) - (twice_up - twice_down)) / (12.0 * step)
 
@@ -197,7 +198,7 @@ ADAPTED_FIELDS = {(one.field, one.component) for one in ADAPTED_PARAMETERS}
 
 
 def girdle_directions(girdle) -> dict[str, np.ndarray]:
-    """A random direction in every field; none in the adapted parameters, which the girdle has only as a start."""
+    """Draw a random direction in every field, with 0 in the adapted parameters, which are only a start."""
     random, found = np.random.default_rng(2), {}
     for name, value in vars(girdle).items():
         direction = random.normal(size=np.shape(value))
@@ -210,7 +211,7 @@ def girdle_directions(girdle) -> dict[str, np.ndarray]:
 
 
 def moved_sets(name: str) -> dict[str, tuple]:
-    """Of every direction: its sets at ``AT``, and how slopes of theta follow from those in everything."""
+    """Return for each direction the sets at ``AT``, and a projection of derivatives of theta on it."""
     model = load_model(name)
     found = {}
     for field, direction in girdle_directions(model.girdle).items():

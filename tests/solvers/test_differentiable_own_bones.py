@@ -1,6 +1,6 @@
 # pyright: reportOptionalMemberAccess=false
-# (own_bones is None of a plain adaptation)
-"""Own bones as a differentiable function: the minimum of the compiled search, and slopes that are its differences."""
+# (own_bones is None after a plain adaptation)
+"""Own bones as a differentiable function: the minimum against the compiled search, derivatives against differences."""
 
 import jax
 import jax.numpy as jnp
@@ -23,19 +23,19 @@ from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
 
 SAME_E = 1e-9
-"""Relative."""
+"""Relative tolerance."""
 
 SAME_SDS = 1e-5
-"""Of a size: the compiled search ends where the slope is a millionth of what the prior pulls with."""
+"""Tolerance for a size: the compiled search ends where the slope is a millionth of the prior's pull."""
 
 BY_DIFFERENCES = 1e-6
-"""Relative to the largest of a direction, differences of four points: sizes are settled to 1e-9 SDs."""
+"""Tolerance relative to the largest component, for four-point differences: sizes converge to 1e-9 SDs."""
 
 NEAR_SDS = 0.1
-"""Of all sizes: a chain with a slack of 0.01 mm from one with none (seen: 0.01)."""
+"""Largest difference of any size between a chain with a slack of 0.01 mm and one without (seen: 0.01)."""
 
 STEPS = {"angles": 2e-5, "girdle": 2e-3, "columns": 1e-4, "noise": 1e-4, "weight": 0.1}
-"""Rad, mm, relative, deg."""
+"""Steps in rad, mm, relative, deg."""
 
 SCALES = Scales(adapted=0.9, bones=1.1, frames=0.8, noise_deg=1.5)
 FACTORS = {"adapted": 0.9, "bones": 1.1, "frames": 0.8}
@@ -43,10 +43,10 @@ MODEL = load_model("R2")
 PRIOR = OwnPrior.about(MODEL, SCALES.noise_deg, FACTORS)
 MOTIONS = read_motions(DATA_FILE)
 SUBJECTS = ("simulated02", "simulated03")
-"""The search of the first one ends elsewhere without the start of the compiled one."""
+"""Subjects of which the first one's search ends elsewhere without the compiled search's result as start."""
 
 POSTURES = 16
-"""Of which the last two are padding."""
+"""Number of postures; the last two are padding."""
 
 AT = (1, -1, 2, -2)
 
@@ -78,7 +78,7 @@ def result(numbers: dict, known, start) -> AdaptedSubject:
 
 
 def numbers_of(subject: str) -> dict:
-    """All of them float64: a Python number has a weak type, and moved by an array it would ask for another program."""
+    """Return the inputs, all float64: a Python number has a weak type, and would need another program."""
     columns, noise = PRIOR
     numbers = {"girdle": MODEL.girdle, "angles": angles_of(subject), "columns": columns, "noise": noise, "weight": 10.0}
     return jax.tree.map(lambda x: jnp.asarray(x, float), numbers)
@@ -86,7 +86,7 @@ def numbers_of(subject: str) -> dict:
 
 @few_runs
 def with_slopes(numbers: dict, moved: dict, known, start):
-    """The result, and its slope where the numbers move so."""
+    """Compute the result, and its derivative in the direction ``moved``."""
     return jax.jvp(lambda numbers: result(numbers, known, start), (numbers,), (moved,))
 
 
@@ -124,11 +124,11 @@ def test_chains_with_slack_lead_near_it(compiled):
 
     expected = start_of(compiled, "simulated03")
     away = np.abs(with_slack(jax.tree.map(jnp.asarray, MODEL.girdle), PRIOR) - expected).max()
-    assert away < NEAR_SDS < np.abs(expected).max()  # from the set, whose sizes are 0
+    assert away < NEAR_SDS < np.abs(expected).max()  # the set has sizes 0
 
 
 def direction(what: str, numbers: dict) -> dict:
-    """A random one in these numbers, of the columns in proportion; of the measured angles alone."""
+    """Draw a random direction in one input: relative for the columns, and only for measured angles."""
     random = np.random.default_rng(5)
     moved = jax.tree.map(jnp.zeros_like, numbers)
     sizes = {"columns": numbers["columns"]}
@@ -155,5 +155,5 @@ def test_slopes_are_differences(compiled, what):
     expected = (8.0 * (up - down) - (twice_up - twice_down)) / (12.0 * STEPS[what])
     ours = np.concatenate([slope.sizes, slope.girdle.numbers_mm])
     if what == "weight":
-        np.testing.assert_allclose(ours, 0.0, atol=1e-7)  # no optimum follows w
+        np.testing.assert_allclose(ours, 0.0, atol=1e-7)  # the optimum does not depend on w
     np.testing.assert_allclose(ours, expected, rtol=0.0, atol=BY_DIFFERENCES * max(1.0, np.abs(expected).max()))

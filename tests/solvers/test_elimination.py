@@ -1,4 +1,4 @@
-"""Eliminated postures against their dense systems: whatever the parameters' step, the conditions of a posture hold."""
+"""Elimination of postures against dense systems: the conditions of a posture hold for any step of the parameters."""
 
 from typing import NamedTuple
 
@@ -21,27 +21,27 @@ from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
 EXACT = 1e-9
-"""Relative to the largest term of a sum: LDL' of matrices whose condition is some 1e4."""
+"""Tolerance relative to the largest term of a sum: LDL' of matrices with a condition number of some 1e4."""
 
 LANES = 400
 
 OF_LAMBDA = np.array([0.5, -0.7, 1.3])
-"""Directions of the multipliers; their sizes decide how far a posture is from a minimum."""
+"""Directions of the multipliers; their size decides how far a posture is from a minimum."""
 
 
 class Case(NamedTuple):
-    """Postures at angles off the measured ones, chains a little open; matrices of each lane first."""
+    """Postures off the measured angles, with chains a little open; matrices have the problem as first axis."""
 
     at: ConstraintDerivatives
     weights: np.ndarray
-    """(6, lanes), one of them 0 in every third lane."""
+    """Shape (6, problems); one weight is 0 in every third problem."""
     objective_gradient: np.ndarray
     multipliers: np.ndarray
     g: np.ndarray
     G: np.ndarray
     T: np.ndarray
     H: np.ndarray
-    """W + d2(lambda'g)/dq2, W as the elimination takes it."""
+    """W + d2(lambda'g)/dq2, with W as the elimination uses it."""
     C: np.ndarray
     U: np.ndarray
 
@@ -99,13 +99,13 @@ def times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def stiffened(case: Case, share: float) -> np.ndarray:
-    """Smallest eigenvalue of H + G' s G."""
+    """Compute the smallest eigenvalue of H + G' s G."""
     s = share * case.weights.max(axis=0)[:, None] / np.sum(case.G**2, axis=2)
     return np.linalg.eigvalsh(case.H + np.einsum("lki,lk,lkj->lij", case.G, s, case.G))[:, 0]
 
 
 def test_a_posture_is_convex_where_its_stiffened_hessian_is_definite(case):
-    """With little stiffness, with more, or with neither; each of them is among the lanes."""
+    """Check ``convex`` against eigenvalues with a small penalty, a larger one, or neither; all cases occur."""
     found = eliminated(case, parameters=True)
     little, more = (
         stiffened(case, share) > 0.0 for share in (RANGE_SPACE_PENALTY, RANGE_SPACE_PENALTY * PENALTY_GROWTH)
@@ -122,7 +122,8 @@ def test_a_posture_is_convex_where_its_stiffened_hessian_is_definite(case):
 
 @pytest.mark.parametrize(("share", "convex"), [(2.0 * PIVOT_FLOOR, True), (0.5 * PIVOT_FLOOR, False)])
 def test_a_direction_that_is_nearly_flat_is_no_minimum(share, convex):
-    """Three angles are held by the constraints; of the others one has hardly any curvature, as a share of W."""
+    """Check the smallest curvature that counts. The constraints hold three angles; one of the others has a curvature of
+    ``share`` times W."""
     one, nothing = np.ones(1), np.zeros(1)
     weight = 500.0
     qq = [[nothing] * i + [(share - 1.0) * weight * one if i == 5 else nothing] for i in range(6)]
@@ -133,7 +134,7 @@ def test_a_direction_that_is_nearly_flat_is_no_minimum(share, convex):
 
 
 def conditions(case: Case, convex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """H, C and U; of a posture that is not convex W alone."""
+    """Return H, C and U; W alone for a posture that is not convex."""
     damped = np.maximum(case.weights, UNMEASURED_WEIGHT * case.weights.max(axis=0)).T
     H = np.where(convex[:, None, None], case.H, damped[:, :, None] * np.eye(6))
     return H, case.C * convex[:, None, None], case.U * convex[:, None, None]
@@ -161,7 +162,7 @@ def test_without_parameters_they_are_those_of_a_posture_fit(case):
 
 
 def test_what_is_left_for_the_parameters_is_their_own_condition(case):
-    """U d + C' dq + T' lambda = slope + curvature d, dq and lambda following d."""
+    """U d + C' dq + T' lambda = slope + curvature d, where dq and lambda follow d."""
     found = eliminated(case, parameters=True)
     _, C, U = conditions(case, np.asarray(found.convex))
     d = np.random.default_rng(5).normal(size=(LANES, 6))

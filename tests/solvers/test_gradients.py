@@ -1,4 +1,4 @@
-"""Derivatives of the posture fit: differences, both directions, the envelope theorem."""
+"""Derivatives of the posture fit: finite differences, forward and reverse mode, the envelope theorem."""
 
 from dataclasses import fields
 from functools import cache
@@ -19,17 +19,18 @@ from motions.rhythm_subjects import DATA_FILE, simulate_subjects
 from motions.rotations import DEG
 
 FD_TOLERANCE = 1e-6
-"""Central differences of step 1e-3 mm or 1e-4 rad: the solver stops at |g| and |dL/dq| of 1e-9, mostly far below, which
-over the step leaves 1e-7; the rest is truncation. Relative to the largest entry."""
+"""Relative to the largest entry, for central differences of step 1e-3 mm or 1e-4 rad. The solver stops at |g| and
+|dL/dq| of 1e-9, mostly far below, which divided by the step leaves 1e-7; the rest is truncation."""
 
 FOLD_STEP_RAD = 1e-5
-"""At a fold angles bend more."""
+"""Smaller step at a fold, where the derivatives of the angles change faster."""
 
 EXACT = 1e-9
-"""Forward and reverse: the same 9 x 9 system solved from the left and from the right; condition 1e4. Relative."""
+"""Relative tolerance between forward and reverse mode: the same 9 x 9 system, with condition number 1e4, solved from
+the left and from the right."""
 
 ENVELOPE = 1e-7
-"""dJ/dtheta against lambda . dg/dtheta: exact at the optimum, which is known to a stationarity of 1e-9. Relative."""
+"""Relative, of dJ/dtheta = lambda . dg/dtheta: exact at the optimum, which is known to a stationarity of 1e-9."""
 
 GIRDLE = load_model("R2").girdle
 SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg.T / DEG)
@@ -44,7 +45,7 @@ def test_angles_by_posture_are_named_as_such():
 
 
 def quantities(girdle: Girdle, angles, known=ALL):
-    """Angles (rad), multipliers and J of one posture as one vector, to compile everything once."""
+    """Return angles (rad), multipliers and J of one posture as one vector, to compile everything once."""
     fit = fit_posture(girdle, angles, known)
     return jnp.concatenate([fit.angles, fit.multipliers, fit.j_deg2[None]])
 
@@ -55,7 +56,7 @@ def _twice(*arguments):
 
 
 _forward = few_runs(jax.jacfwd(_twice, argnums=(0, 1), has_aux=True))
-"""Slopes and values, one program."""
+"""Derivatives and values, in one program."""
 _reverse = few_runs(jax.jacrev(quantities, argnums=(0, 1)))
 
 
@@ -69,7 +70,7 @@ def forward(girdle, angles, known=ALL):
 
 @cache
 def in_reverse():
-    """At ONE, for all tests."""
+    """Compute the derivatives at ``ONE`` once for all tests."""
     return _reverse(GIRDLE, ONE, ALL)
 
 
@@ -97,11 +98,11 @@ def test_fit_multipliers_and_j_along_every_measured_angle():
         assert_close(slope[:, k], (value(GIRDLE, ONE + step) - value(GIRDLE, ONE - step)) / 2e-4, FD_TOLERANCE)
     assert_close(in_reverse()[1], slope, EXACT)
     gap = np.asarray(value(GIRDLE, ONE)[:6] - ONE)
-    assert_close(slope[9], -gap * DEG**2 / 3.0, ENVELOPE)  # dJ/ds = -W (q - s): the fit itself does not matter
+    assert_close(slope[9], -gap * DEG**2 / 3.0, ENVELOPE)  # dJ/ds = -W (q - s), without dq/ds
 
 
 def test_the_fitted_posture_stays_on_the_constraints():
-    """G dq/ds = 0 and, as dq/ds is symmetric and a projection where the surface is flat, its rank is three."""
+    """Check G dq/ds = 0, and that dq/ds is symmetric (a projection where the surface is flat) and has rank three."""
     fitted = value(GIRDLE, ONE)
     dq = np.asarray(forward(GIRDLE, ONE)[1])[:6]
     _, G = constraints(bones(GIRDLE), np.asarray(fitted[:6]) * DEG)
@@ -129,8 +130,8 @@ def test_a_missing_angle_has_no_slope_and_takes_no_part():
 
 
 def test_a_posture_that_fails_is_nan_alone_and_padding_is_zero():
-    """R2 with a conoid far too short for one of three postures, and one of which nothing was measured: no wrong number,
-    and no NaN next door."""
+    """R2 with a conoid far too short for one of three postures, and one posture without any measured angle: no wrong
+    number, and no NaN in the others."""
     girdle = jax.tree.map(lambda x: jnp.stack([x, x, x], axis=-1), GIRDLE)
     short = Girdle(**(vars(girdle) | {"conoid_length_mm": girdle.conoid_length_mm.at[1].set(1.0)}))
     three = jnp.stack([ONE, ONE, jnp.full(6, jnp.nan)], axis=-1)
@@ -152,7 +153,7 @@ def test_a_posture_that_fails_is_nan_alone_and_padding_is_zero():
 
 
 def test_it_ends_where_fit_postures_ends():
-    """Three shipped postures of which two starts end in a higher minimum."""
+    """Three shipped postures for which two starts end in a higher minimum."""
     model, rows = load_model("R2"), [33, 40, 41]
     motions = read_motions(DATA_FILE)
     fitted = fit_postures(motions, model).by_model["R2"]
@@ -163,12 +164,12 @@ def test_it_ends_where_fit_postures_ends():
 
 
 SAME_J = 1e-9
-"""Relative, and rad: both end at a stationarity of 1e-9."""
+"""Tolerance, relative for J and in rad for angles: both fits end at a stationarity of 1e-9."""
 
 
 @cache
 def at_a_fold() -> tuple[jnp.ndarray, jnp.ndarray]:
-    """A posture whose clavicle was not measured, and with which no chain has the measured angles of the scapula."""
+    """A posture with an unmeasured clavicle, where no chain has the measured angles of the scapula."""
     angles = jnp.asarray(simulate_subjects(10, seed=1).angles_deg[44] / DEG)
     return angles, jnp.arange(6) >= 3
 
@@ -176,7 +177,7 @@ def at_a_fold() -> tuple[jnp.ndarray, jnp.ndarray]:
 @pytest.mark.parametrize("angle", range(3, 6))
 def test_slopes_where_three_missing_angles_are_at_a_fold(angle):
     angles, known = at_a_fold()
-    assert value(GIRDLE, angles, known)[-1] > 1.0  # J: with three angles of six a chain leaves none, but at a fold
+    assert value(GIRDLE, angles, known)[-1] > 1.0  # J: three of six angles can be met exactly, except at a fold
     step = FOLD_STEP_RAD * jnp.eye(6)[angle]
     up, down = (value(GIRDLE, angles + sign * step, known) for sign in (1.0, -1.0))
     assert_close(forward(GIRDLE, angles, known)[1][:, angle], (up - down) / (2.0 * FOLD_STEP_RAD), FD_TOLERANCE)

@@ -1,4 +1,4 @@
-"""After an adaptation the postures are those of its optimum."""
+"""Posture fits after an adaptation, against its optimum."""
 
 import numpy as np
 import pytest
@@ -11,16 +11,16 @@ from models.adapted_parameters import ADAPTED
 from motions.rhythm_subjects import simulate_subjects
 
 ROUNDING = 1e-12
-"""Relative, of a sum of some hundred squares."""
+"""Relative rounding of a sum of some hundred squares."""
 
 
 JUMPING_SEED = 2
-"""Of subjects some of whom jump; the test says if none does."""
+"""Seed of subjects some of whom jump; the test fails if none does."""
 
 
 @pytest.fixture(scope="module")
 def jumping():
-    """Subjects whose chain jumps along their motions with the set of the MRI, whose conoid is slack at rest."""
+    """Subjects whose chain jumps along their motions with the MRI set, whose conoid is slack at rest."""
     motions = simulate_subjects(10, seed=JUMPING_SEED)
     return motions, adapt_subjects(motions, [load_model("breteler_mri"), load_model("R2")], held_out=())
 
@@ -38,7 +38,7 @@ def test_e_is_that_of_the_rows_jumps_included(jumping):
 
 
 def test_multipliers_are_those_of_a_posture_fit(jumping):
-    """W (q - s) + G' lambda = 0 with W of J: the same as a posture fit with the adapted girdle reports."""
+    """Check W (q - s) + G' lambda = 0 with the W of J: multipliers as of a posture fit with this girdle."""
     motions, result = jumping
     fitted, adapted = result.by_model["R2"], result.adapted["R2"]
     assert np.all(fitted.status == status.OK)
@@ -53,7 +53,7 @@ def test_multipliers_are_those_of_a_posture_fit(jumping):
 
 
 def girdle_gradient(girdle, angles, multipliers):
-    """G' lambda by central differences."""
+    """Compute G' lambda by central differences."""
     step, columns = 1e-6, []
     for k in range(6):
         moved = [girdle.residuals_mm(angles + sign * step * np.eye(6)[:, [k]]) for sign in (1.0, -1.0)]
@@ -68,7 +68,7 @@ def test_a_parameter_has_one_sd(jumping):
 
 
 def test_where_e_does_not_hold_the_postures_they_are_fitted():
-    """w = 0: the ellipsoid is the points'; the postures are those of a fit with it."""
+    """Check w = 0: the ellipsoid comes from the points alone, and the postures are those of a fit with it."""
     motions, model = simulate_subjects(2, seed=1), load_model("R2")
     result = adapt_subjects(motions, model, weight=0.0, held_out=())
     assert set(result.parameters["status"]) == {status.OK}

@@ -1,5 +1,5 @@
-"""Derivatives of the objective: differences, both directions, the second order, and ``vmap`` and ``jit`` in any
-order with them."""
+"""Derivatives of the objective: finite differences, forward and reverse mode, the second order, and ``vmap`` and
+``jit`` combined with them in any order."""
 
 from typing import NamedTuple
 
@@ -16,11 +16,12 @@ from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
 FD_TOLERANCE = 1e-6
-"""Central differences of step 1e-3 mm: the solver stops at |g| and |dL/dq| of 1e-9, mostly far below, which over the
-step leaves 1e-7; the rest is truncation. Relative to the largest entry."""
+"""Relative to the largest entry, for central differences of step 1e-3 mm. The solver stops at |g| and |dL/dq| of 1e-9,
+mostly far below, which divided by the step leaves 1e-7; the rest is truncation."""
 
 EXACT = 1e-9
-"""Forward and reverse: the same 9 x 9 system solved from the left and from the right; condition 1e4. Relative."""
+"""Relative tolerance between forward and reverse mode: the same 9 x 9 system, with condition number 1e4, solved from
+the left and from the right."""
 
 MODEL = load_model("R2")
 GIRDLE = MODEL.girdle
@@ -35,7 +36,7 @@ def E(theta, angles, start):
 
 
 def fitted():
-    """Where the postures are fitted at THETA, by the fit without derivatives."""
+    """Fit the postures at ``THETA`` by the fit without derivatives."""
     girdles = GIRDLE.with_adapted(THETA).repeated(SUBJECT.shape[1])
     return fit_batch(girdles, np.asarray(SUBJECT), np.ones(SUBJECT.shape, bool)).angles
 
@@ -50,16 +51,16 @@ def assert_close(found, expected, tolerance: float) -> None:
 
 
 def differences(of_steps) -> np.ndarray:
-    """d/dtheta of what was computed at STEPS."""
+    """Compute d/dtheta from values at ``STEPS``."""
     return (np.asarray(of_steps)[1:7] - np.asarray(of_steps)[7:]) / 2e-3
 
 
 class Derivatives(NamedTuple):
-    """At each of STEPS."""
+    """E and its derivatives, at each of ``STEPS``."""
 
     values: np.ndarray
     slopes: np.ndarray
-    """dE/dtheta in reverse."""
+    """dE/dtheta in reverse mode."""
     forward_slopes: np.ndarray
     hessians: np.ndarray
     """d2E/dtheta2, forward over reverse."""
@@ -67,7 +68,7 @@ class Derivatives(NamedTuple):
 
 @pytest.fixture(scope="module")
 def stepped() -> Derivatives:
-    """Jit of vmap of both directions: one program, as most of its time is compilation."""
+    """Compute jit of vmap of both modes in one program, because compilation takes most of the time."""
 
     def derivatives(theta, *given):
         both = jax.value_and_grad(E)
@@ -90,7 +91,8 @@ def test_nested_hessian_by_differences_and_symmetric(stepped):
 
 
 def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
-    """Two subjects, the second with the postures in another order: twice the slope of one. From one start."""
+    """Check two subjects, the second with its postures in reverse order, from one start: twice the gradient of one
+    subject."""
     angles, start = (jnp.stack([x, x[:, ::-1]]) for x in (SUBJECT, fitted()))
     of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0, 0))(t, angles, start))))
     assert_close(of_sum(THETA), 2.0 * stepped.slopes[0], EXACT)

@@ -1,4 +1,4 @@
-"""The objective by hand: E and its weight in every reading, D of a sphere, and the ellipsoid nearest to points."""
+"""The objective by hand: E and its weight in every variant, D of a sphere, and the ellipsoid nearest to points."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ AT = AtOptimum(
     postures=np.array([3]),
     L_mm2=np.array([7.0]),
 )
-"""Two points, 4 mm out and in, and one that is padding; three postures; measured landmarks."""
+"""Two points, 4 mm outside and inside, and one of padding; three postures; measured landmarks."""
 
 BY_HAND = {
     "mm2_deg2": 16.0 + 10.0 * 9.0,
@@ -48,13 +48,13 @@ BY_HAND = {
 }
 
 ROUNDED_OFF = 1e-6
-"""Relative: a length of 4 mm is rounded off by KINK_MM^2 / (2 * 4 mm), 1.25e-5 mm, of an E of 94."""
+"""Relative: rounding-off changes a length of 4 mm by KINK_MM^2 / (2 * 4 mm), 1.25e-5 mm, in an E of 94."""
 
 EXACT = 1e-11
-"""Relative to the largest: derivatives by hand and by JAX are sums of the same hundred terms in another order."""
+"""Relative to the largest number: derivatives by hand and by JAX sum the same hundred terms in another order."""
 
 FITTED_MM = 1e-4
-"""Levenberg-Marquardt stops at 1e-10 of its steps; along M_y and A_y the points hardly hold the ellipsoid."""
+"""Levenberg-Marquardt stops at relative steps of 1e-10; the points hardly determine M_y and A_y together."""
 
 
 def test_the_thesis_weight_and_reading():
@@ -69,7 +69,7 @@ def test_e_by_hand(name):
 
 @pytest.mark.parametrize("name", OBJECTIVES)
 def test_the_weights_give_e_the_slopes_of_the_weighted_squares(name):
-    """dE by each distance and by J, by differences, are those of sum u d^2 + W J, but for one factor."""
+    """Check that E by differences has the gradient of sum u d^2 + W J in each distance and in J, up to one factor."""
     reading, step = OBJECTIVES[name], 1e-5
     at = replace(AT, distance_mm=np.array([[4.0], [-1.0], [50.0]]))
     u, weight = reading.equivalent(W, at)
@@ -86,7 +86,7 @@ def test_the_weights_give_e_the_slopes_of_the_weighted_squares(name):
 
 
 def test_a_root_of_nothing_has_a_weight():
-    """At D = 0 or J = 0 the root has a kink; the weight stays a number, of 1e-12 mm^2 or deg^2."""
+    """Check the weight where a root is not differentiable, at D = 0 or J = 0: that of 1e-12 mm^2 or deg^2, finite."""
     at = replace(AT, distance_mm=np.zeros((3, 1)), mean_j_deg2=np.array([1.0]))
     assert ObjectiveVariant(form="roots").equivalent(1.0, at)[1] == pytest.approx(1e-6, rel=1e-12)
     at = replace(AT, distance_mm=np.ones((3, 1)), mean_j_deg2=np.array([0.0]))
@@ -94,7 +94,7 @@ def test_a_root_of_nothing_has_a_weight():
 
 
 def test_d_of_a_sphere_by_hand():
-    """Points 3 outside and 4 inside, and one that is padding."""
+    """Points 3 mm outside and 4 mm inside, and one of padding."""
     model = load_model("R2").girdle
     sphere = replace(model, centre_mm=jnp.array([0.0, 10.0, 0.0]), semi_axes_mm=jnp.full(3, 100.0))
     points = jnp.array([[103.0, 10.0, 0.0], [0.0, 106.0, 0.0], [0.0, 10.0, 500.0]]).T
@@ -104,7 +104,7 @@ def test_d_of_a_sphere_by_hand():
 
 @pytest.mark.parametrize("shift_mm", [0.0, 6.0])
 def test_the_geometric_fit_finds_the_ellipsoid_its_points_lie_on(shift_mm):
-    """Points all round, so that they hold all five numbers; the conoid and all else stay."""
+    """Check a fit to points on all sides, which determine all five numbers; the conoid and all other numbers stay."""
     model = load_model("R2").girdle
     generator = np.random.default_rng(2)
     direction = generator.standard_normal((3, 40))
@@ -123,7 +123,7 @@ def test_a_geometric_fit_that_fails_keeps_the_ellipsoid():
 
 
 def test_derivatives_of_d_by_hand_are_those_of_jax():
-    """Of both kernels, off the set's own parameters, of ten points of which one does not count, each with a level."""
+    """Check both kernels off the set's own parameters, with ten points, one of weight 0, each with its own level."""
     girdle, points_mm = load_model("R2").girdle, np.asarray(load_model("R2").points_mm)[:, :10]
     weights, levels_mm = np.append(np.full(9, 1.0 / 9.0), 0.0), np.linspace(-8.0, 15.0, 10)
     theta = np.asarray(girdle.adapted_mm) + np.array([12.0, -5.0, 3.0, -20.0, 4.0, 1.0])
@@ -156,7 +156,7 @@ def test_derivatives_of_d_by_hand_are_those_of_jax():
 
 
 def test_an_ellipsoid_on_its_points_is_not_fitted_again_and_one_off_them_is():
-    """The points of a shipped set lie on its ellipsoid; with all of them moved, so is the centre."""
+    """The points of a shipped set lie on its ellipsoid; when all points move, the centre moves with them."""
     model = load_model("R2")
     points = np.asarray(model.points_mm)
     assert fitted_girdle(model.girdle, points) is model.girdle

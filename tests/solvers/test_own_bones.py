@@ -1,7 +1,7 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
 # pyright: reportGeneralTypeIssues=false, reportCallIssue=false, reportOperatorIssue=false
-# (own_bones is None of a plain adaptation; pandas and SciPy say "Series | object" of nearly every result)
-"""Bones and frames of each person's own: IPOPT on the same objective, cases worked by hand, simulated persons."""
+# (own_bones is None after a plain adaptation; pandas and SciPy type nearly every result as "Series | object")
+"""Adaptation with own bones: against IPOPT on the same objective, cases worked by hand, and simulated persons."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -35,28 +35,28 @@ from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
 
 SAME = 1e-9
-"""Relative: what the contract says of E."""
+"""Relative tolerance for E."""
 
 UNMEASURED_SD_DEG = 1000.0
-"""An angle that was not measured is at rest, give or take so much."""
+"""SD of an unmeasured angle about its value at rest."""
 
 FREE_OF_ALL = dict.fromkeys(NAMES, 0.0)
 
 
 def only(**sds: float) -> People:
-    """Only these sizes differ between persons."""
+    """Return people who differ only in these sizes."""
     return people(**FREE_OF_ALL | sds)
 
 
 def F_deg2(found: Adaptations, motions: Motions, model: str = "R2") -> np.ndarray:
-    """F of each subject, of E = w F / m."""
+    """Compute F of each subject from E = w F / m."""
     measured = [np.isfinite(motions.angles_deg[motions.subject == name]).sum() for name in motions.subjects]
     return found.adapted[model].E * measured / WEIGHT
 
 
 @pytest.fixture(scope="module")
 def shipped() -> Motions:
-    """Four subjects who follow the rhythm: none of them is a girdle of the model."""
+    """Four subjects who follow the rhythm; none of them is exactly a girdle of the model."""
     motions = read_motions(DATA_FILE)
     return motions.select(np.isin(motions.subject, motions.subjects[:4]))
 
@@ -78,7 +78,7 @@ def of_world(world) -> Adaptations:
 
 @pytest.fixture(scope="module")
 def world_of_a_set() -> SimpleNamespace:
-    """A person who differs from the set in the six alone."""
+    """A person who differs from the set only in the six adapted parameters."""
     return simulated(1, factor=0.0)
 
 
@@ -88,7 +88,7 @@ def test_sizes_are_in_the_order_of_the_definitions():
 
 @pytest.mark.parametrize("model", ["R2", "breteler_dissection"])
 def test_ipopt_finds_the_same_optimum_over_all_sizes_and_postures(shipped, of_shipped, model):
-    """Eight adaptations: from where ours ended and from beside it."""
+    """Check eight adaptations against IPOPT, started at our optimum and beside it."""
     girdle, found = bones(load_model(model).girdle), of_shipped.of(model)
     own, F = found.own_bones, F_deg2(of_shipped, shipped, model)
     generator = np.random.default_rng(2)
@@ -99,7 +99,7 @@ def test_ipopt_finds_the_same_optimum_over_all_sizes_and_postures(shipped, of_sh
         value, open_mm = own_objective(*at, own.sizes[:, k], angles)
         assert value == pytest.approx(F[k], rel=SAME)
         assert open_mm < 1e-8
-        for away in (0.0, 0.1):  # SDs, and twice as many degrees
+        for away in (0.0, 0.1):  # distance of the start in SDs; twice that in degrees
             sizes = own.sizes[:, k] + away * own.prior_sd[:, k] * generator.standard_normal(len(OWN))
             other = ipopt_own(*at, sizes, angles + 2.0 * away * generator.standard_normal(angles.shape))
             assert other.success
@@ -121,7 +121,7 @@ def test_where_nobody_differs_it_is_the_set_and_its_posture_fits(shipped):
     ("name", "key", "sd"), [("conoid_length", "conoid_length_mm", 1.5), ("TS_distance", "ts_distance_mm", 4.0)]
 )
 def test_one_size_alone_is_a_scalar_minimum(world_of_a_set, name, key, sd):
-    """S of posture fits by SLSQP, and the prior of one number, minimised by Brent's method."""
+    """Check against Brent's method on S, from posture fits by SLSQP, plus the prior of one number."""
     motions = world_of_a_set.motions.select(world_of_a_set.motions.posture % 3 == 1)
     plain, start = bones(R2.girdle), fit_postures(motions, R2).by_model["R2"].angles * DEG
     found = adapted(motions, only(**{name: sd}))
@@ -139,7 +139,7 @@ def test_one_size_alone_is_a_scalar_minimum(world_of_a_set, name, key, sd):
 
 
 def test_the_sd_of_one_size_is_that_of_the_curvature_of_F(world_of_a_set):
-    """Without noise the postures are those of the set: F is lowest there, and F'' / 2 sigma^2 the precision."""
+    """Check the SD at postures of the set without noise, where F is lowest: F'' / 2 sigma^2 is the precision."""
     sd, beside = 4.0, 0.2
     at_set = fit_postures(world_of_a_set.true, R2).by_model["R2"]
     motions = replace(world_of_a_set.true, angles_deg=at_set.angles.T * DEG)
@@ -158,7 +158,7 @@ def test_the_sd_of_one_size_is_that_of_the_curvature_of_F(world_of_a_set):
 
 
 def test_a_size_moves_farther_the_more_people_differ_in_it(shipped, monkeypatch):
-    """From the set to where S alone is lowest, whatever it predicts."""
+    """Check sizes from the set to the minimum of S alone, with the test of predictions switched off."""
     monkeypatch.setattr(own_or_plain, "DOUBTFUL_SDS", np.inf)
     k = OWN.index("TS_distance")
     runs = [adapted(shipped, only(TS_distance=sd)) for sd in (1e-3, 1.0, 4.0, 16.0, 1e4)]
@@ -172,7 +172,7 @@ def test_a_size_moves_farther_the_more_people_differ_in_it(shipped, monkeypatch)
 
 
 def test_thorax_and_sc_share_what_is_found_of_both_by_their_variances(of_world):
-    """A1-A3 know M - SC alone; var_M^-1 M + var_SC^-1 SC is independent of it, and stays as it was beforehand."""
+    """A1-A3 depend on M - SC alone; var_M^-1 M + var_SC^-1 SC is independent of it, and keeps its prior."""
     own = of_world.problems.own_bones
     for axis in "yz":
         M, SC = OWN.index(f"M_{axis}"), OWN.index(f"SC_{axis}")
@@ -212,7 +212,7 @@ def test_single_precision_is_left_to_the_plain_adaptation(shipped, of_shipped):
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say(world, of_world):
-    """95 % of 60 persons: of the six, and of the others together."""
+    """Check 95 % intervals of 60 persons: of the six adapted parameters, and of the other sizes together."""
     assert (of_world.adapted["R2"].status == "ok").all()
     own = of_world.problems.own_bones
     within = np.abs(own.sizes - world.sizes) <= 1.96 * own.sd
@@ -241,7 +241,7 @@ def test_motions_that_were_held_out_are_predicted_better_than_by_the_plain_adapt
 
 
 def test_a_subject_alone_is_the_same_as_among_others(shipped):
-    """To the last digit, which a run in parts relies on; they have unequal numbers of postures."""
+    """Check bitwise equality, on which a run in parts relies, for subjects with unequal numbers of postures."""
     names = shipped.subjects
     fewer = shipped.select(shipped.posture <= 7 - np.array([2 * names.index(one) for one in shipped.subject.tolist()]))
     together = adapted(fewer)
@@ -254,8 +254,10 @@ def test_a_subject_alone_is_the_same_as_among_others(shipped):
 
 
 def test_angles_that_nobody_measured_do_not_count(shipped):
-    """The axial rotation of the clavicle and another angle are missing throughout: IPOPT over the four others, and what
-    holds these two."""
+    """Check against IPOPT where two angles, the clavicle's axial rotation among them, were never measured.
+
+    IPOPT has the four other angles, and the weak weights that hold these two.
+    """
     angles = shipped.angles_deg.copy()
     angles[:, [2, 5]] = np.nan
     motions = of_subject(replace(shipped, angles_deg=angles), shipped.subjects[1])
@@ -284,7 +286,7 @@ def test_of_three_postures_the_prior_says_the_rest(shipped):
 
 
 def test_bad_subjects_leave_the_others_as_they_are(shipped, of_shipped):
-    """One whose postures no girdle can take, one without a third angle in one posture, one without any number."""
+    """Three bad subjects: postures that no girdle can take, a posture with only two angles, no number at all."""
     angles = shipped.angles_deg.copy()
     far, few, none = (shipped.subject == name for name in shipped.subjects[1:])
     angles[far] = np.array([-60.0, 80.0, 90.0, 120.0, -80.0, 100.0])
@@ -333,7 +335,7 @@ def test_an_sd_that_is_none_is_refused(shipped, sds, cause, remedy):
 
 
 def test_parts_are_started_where_others_of_the_person_ended(shipped, monkeypatch):
-    """None ends higher for it, and some a hundredth lower."""
+    """Check that with starts from other parts of the person no part ends higher, and some end a hundredth lower."""
 
     def E_of_parts() -> np.ndarray:
         rows, folds = posture_rows(shipped), motions_and_thirds(shipped)
@@ -347,7 +349,7 @@ def test_parts_are_started_where_others_of_the_person_ended(shipped, monkeypatch
 
 
 def test_a_first_start_that_no_other_helps_goes_on_to_its_end(world, monkeypatch):
-    """Cut short after a step, it ends where it ends in one go."""
+    """Check that a first start cut short after one step ends where an uninterrupted search ends."""
     monkeypatch.setattr(lowest_minimum, "_keep_lower", lambda *_: None)
     in_one_go = adapted(world.motions).adapted["R2"]
     monkeypatch.setattr(lowest_minimum, "_FIRST_STEPS", 1)

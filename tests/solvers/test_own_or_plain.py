@@ -1,6 +1,6 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
-# (own_bones is None of a plain adaptation; pandas says "Series | object" of nearly every result)
-"""Whose own bones are not taken: the plain adaptation in their place, whatever else is in the run."""
+# (own_bones is None after a plain adaptation; pandas types nearly every result as "Series | object")
+"""Persons whose own bones are rejected: they get the plain adaptation, whatever else is in the run."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def shipped() -> Motions:
 
 @pytest.fixture(scope="module")
 def refuted(shipped) -> Motions:
-    """The frames of the second subject lie otherwise, by 20 degrees, in the second motion: no bones do that."""
+    """The second subject's frames are off by 20 degrees in the second motion, which no bones explain."""
     angles = shipped.angles_deg.copy()
     other = (shipped.subject == shipped.subjects[1]) & (shipped.motion == "forward_flexion")
     angles[other] += np.array([20.0, 0.0, 0.0, 20.0, 0.0, 0.0])
@@ -80,7 +80,7 @@ def test_where_no_search_converges_all_is_the_plain_adaptation_and_said(shipped,
 
 
 def test_each_motion_is_left_out_or_each_third():
-    """Of four problems with six places: two motions; one; one posture; three motions of which one does not count."""
+    """Four problems with six places: two motions; one motion; one posture; three motions, one not counted."""
     counted = np.array([[1, 1, 1, 1, 1, 0], [1, 1, 1, 0, 0, 0], [1, 0, 0, 0, 0, 0], [1, 1, 0, 1, 0, 0]], bool).T
     motion = np.array([[0, 0, 1, 1, 1, 1], [5, 5, 5, 5, 5, 5], [0, 1, 1, 1, 1, 1], [2, 2, 3, 4, 4, 4]]).T
     problem, fitted, tested = _parts(counted, motion)

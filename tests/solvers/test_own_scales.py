@@ -1,7 +1,7 @@
 # pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
 # pyright: reportGeneralTypeIssues=false, reportCallIssue=false, reportOperatorIssue=false
-# (own_bones is None of a plain adaptation; pandas and SciPy say "Series | object" of nearly every result)
-"""How much persons differ, and the noise of their angles, as they are learnt: likelihood, optimum, few persons."""
+# (own_bones is None after a plain adaptation; pandas and SciPy type nearly every result as "Series | object")
+"""Scales of the variation between persons, and the noise of their angles: likelihood, optimum, few persons."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -33,7 +33,8 @@ def world() -> SimpleNamespace:
 
 
 def test_the_likelihood_is_that_of_a_normal_distribution():
-    """b ~ N(0, sigma^2 1 + T C S^2 C' T')."""
+    """Check the likelihood of b ~ N(0, sigma^2 1 + T C S^2 C' T') against SciPy, its derivatives against
+    differences."""
     generator = np.random.default_rng(5)
     n, rows, persons = len(SIZES), 12, 3
     slopes, b = generator.standard_normal((persons, rows, n)), generator.standard_normal((persons, rows))
@@ -63,7 +64,7 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
 
 
 def test_the_curvature_of_the_likelihood_is_expected_in_the_mean():
-    """Of persons who are as the scales say."""
+    """Check the expected curvature against the mean one, for persons drawn with these scales."""
     generator = np.random.default_rng(6)
     n, rows, persons, noise_deg = len(SIZES), 12, 4000, 1.3
     slopes = generator.standard_normal((rows, n))
@@ -76,7 +77,7 @@ def test_the_curvature_of_the_likelihood_is_expected_in_the_mean():
 
 
 def test_scales_are_learnt_where_the_likelihood_is_lowest():
-    """Of three runs of the same persons at once, by L-BFGS-B of each."""
+    """Check three runs of the same persons at once, against L-BFGS-B on each."""
     generator = np.random.default_rng(7)
     n, rows, persons = len(SIZES), 12, 30
     slopes = generator.standard_normal((persons, rows, n))
@@ -94,7 +95,7 @@ def test_scales_are_learnt_where_the_likelihood_is_lowest():
         def value(x, some=some):
             return minus_two_log_likelihood(x[:, None], some, np.zeros(some.A.shape[-1], int))[0][0]
 
-        sharp = {"ftol": 1e-13}  # ends 3e-3 off without it
+        sharp = {"ftol": 1e-13}  # the default tolerance ends 3e-3 off
         other = minimize(value, np.zeros(4), method="L-BFGS-B", jac="3-point", bounds=limits, options=sharp)
         np.testing.assert_allclose(np.log(np.array(scales) / np.array(Scales())), other.x, atol=3e-3)
 
@@ -105,7 +106,7 @@ def learnt(motions: Motions) -> Scales:
 
 @pytest.mark.parametrize(("factor", "lowest", "highest"), [(0.0, 0.0, 0.2), (0.5, 0.35, 0.75), (1.0, 0.75, 1.3)])
 def test_how_much_persons_differ_is_learnt(factor, lowest, highest):
-    """Of 60 persons whose bones differ not at all, half as much and as much as people do."""
+    """Check scales from 60 persons whose bones do not differ, or differ half as much or as much as people do."""
     scales = learnt(simulated(60, factor).motions)
     assert lowest <= scales.bones <= highest
     assert lowest <= scales.frames <= highest
@@ -113,7 +114,7 @@ def test_how_much_persons_differ_is_learnt(factor, lowest, highest):
 
 
 def test_angles_that_nobody_measured_do_not_make_the_noise_less(world):
-    """Two informative numbers a posture instead of three; of one without any, none."""
+    """Check the noise with two informative numbers per posture instead of three; persons without any do not matter."""
     angles = world.motions.angles_deg.copy()
     angles[:, 2] = np.nan
     assert learnt(replace(world.motions, angles_deg=angles)).noise_deg == pytest.approx(NOISE_DEG, rel=0.08)
@@ -125,7 +126,7 @@ def test_angles_that_nobody_measured_do_not_make_the_noise_less(world):
 
 
 def test_of_few_persons_the_noise_of_each_alone_is_learnt(world):
-    """Nine persons, and one: each as if alone."""
+    """Check nine persons, and one of them: each has the noise learnt from this person alone."""
     few = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:9]))
     assert learnt(few) == Scales(1.0, 1.0, 1.0, TYPICAL_NOISE_DEG)
     found = adapted(few, True).problems.own_bones.scales
@@ -143,7 +144,7 @@ def test_the_noise_of_few_is_that_of_the_laboratory(noise_deg):
 
 
 def test_a_person_s_own_parts_are_held_out_with_scales_of_others(world):
-    """Both shoulders of a person are out together."""
+    """Check that both shoulders of a person are held out together."""
     motions = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:20]))
     sides = {name: f"p{k // 2}_{'LR'[k % 2]}" for k, name in enumerate(motions.subjects)}
     motions = replace(motions, subject=np.array([sides[name] for name in motions.subject.tolist()]))

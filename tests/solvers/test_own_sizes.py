@@ -1,4 +1,4 @@
-"""Sizes of effects that differ between persons, against E fitted anew with known sizes beside them."""
+"""Sizes of effects that differ between persons, against refits of E with known sizes beside the optimum."""
 
 from dataclasses import replace
 
@@ -15,21 +15,21 @@ from motions import Motions
 
 BIAS = EFFECTS["scapula_landmark_bias"]
 MEAN, SD = (2.0, -6.0, 3.0), (4.0, 6.0, 0.0)
-"""deg; about z all persons are alike."""
+"""Population mean and SD, deg; about z all persons are alike."""
 
 STEP = 0.01
-"""SDs beside the optimum."""
+"""Step from the optimum, in SDs."""
 
 SAME_SLOPE = 1e-3
-"""mm^2 an SD, of differences: E is known to 1e-9, and its slope on either side is 10 to 1000."""
+"""Tolerance for differences, mm^2 per SD: E is known to 1e-9, and its slope on either side is 10 to 1000."""
 
 SAME_MM = 1e-4
-"""Sizes end within 1e-4 of an SD, and a parameter moves by less than a mm with one."""
+"""Sizes converge to 1e-4 of an SD, and a parameter moves by less than a mm per SD."""
 
 
 @pytest.fixture(scope="module")
 def motions() -> Motions:
-    """Two subjects, each with a bias of its own."""
+    """Two subjects with different biases."""
     return simulate_model_subjects(load_model("R2"), BIAS, 2, 1.0, seed=3).motions
 
 
@@ -39,7 +39,7 @@ def adapted(motions: Motions, mean=MEAN, sd=SD, **how):
 
 
 def test_sizes_are_where_what_they_cost_balances_what_they_gain(motions):
-    """d E / d v = -2 w / (6 n) v, by adaptations with known sizes beside those found."""
+    """d E / d v = -2 w / (6 n) v, by adaptations with known sizes beside the optimum."""
     found = adapted(motions)
     assert (found.status == "ok").all()
     assert found.sizes.shape == (2, 2)

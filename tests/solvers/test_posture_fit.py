@@ -1,4 +1,4 @@
-"""Every solver of postures on every problem: solved by hand, by SLSQP, or by nothing because the chain cannot close."""
+"""Table of every posture solver on every problem: solved by hand, by SLSQP, or chains that cannot close."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,33 +27,33 @@ from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
 J_TOLERANCE_DEG2 = 1e-6
-"""SLSQP stops at 1e-10 deg^2 of decrease; below this two values of J are one optimum (seen: 8e-9)."""
+"""SLSQP stops at a decrease of 1e-10 deg^2; values of J that differ less than this are one optimum (seen: 8e-9)."""
 
 OPEN_MM = 1e-6
-"""The contract of the files: A1-A3 hold to a nanometre."""
+"""Contract of the output files: A1-A3 hold to a nanometre."""
 
 KKT_TOLERANCE = 1e-9
-"""deg^2 a degree. The solver stops at a tenth of it; NumPy's second computation adds its own rounding."""
+"""Tolerance in deg^2 per degree. The solver stops at a tenth of it; NumPy's recomputation adds its own rounding."""
 
 SLSQP_ENDS = 0.97
-"""Share of postures whose optimum SLSQP finds: SciPy 1.17 misses two of 140 at most, 1.18 three."""
+"""Least share of postures whose optimum SLSQP finds: of 140, SciPy 1.17 misses at most two, 1.18 three."""
 
 HIGHER_SHARE = 0.01
-"""A fit from two starts finds a near local minimum, not always the deepest: share of postures, 15 degrees off, where
-SLSQP from the measured angles falls into a deeper one (seen: 0.4 %; ours is the deeper one in 2 %)."""
+"""Largest share of postures, 15 degrees off, where SLSQP from the measured angles finds a lower local minimum (seen:
+0.4 %; in 2 % ours is the lower one). A fit from two starts finds a near local minimum, not always the lowest."""
 
 ANGLE_TOLERANCE_DEG = 1e-6
-"""Where J is flat to rounding, 1e-14 of 10^2 deg^2, the angles of its minimum are known to 1e-7 degrees."""
+"""J is flat to rounding, 1e-14 of 10^2 deg^2, over 1e-7 degrees around its minimum."""
 
 NEIGHBOUR_RAD = 1e-12
-"""Lanes fitted anew in a smaller batch may be split differently over vector registers: rounding of a radian."""
+"""Rounding of a radian: in a smaller batch, problems may be distributed differently over vector registers."""
 
 MODELS = model_names()
 
 # --- the solvers ----------------------------------------------------------------------------------
 
 SIDE_BY_SIDE = 70
-"""Postures of one call of ``adapt.differentiable``, the last filled up with padding: one compilation."""
+"""Number of postures per call of ``adapt.differentiable``, the last call padded, for one compilation."""
 
 
 class Answer(NamedTuple):
@@ -80,33 +80,33 @@ SOLVERS: dict[str, Callable[..., Any]] = {
     "fit_batch": fit_batch,
     "differentiable": differentiable,
 }
-"""Of (girdle, angles, measured, start): an answer with angles, multipliers, j_deg2 and ``converged``."""
+"""Functions of (girdle, angles, measured, start); the answer has angles, multipliers, j_deg2 and ``converged``."""
 
 LEAVES = {"newton": 0.01, "projection": 0.01, "differentiable": 0.02}
-"""Share of a problem's postures that a kernel may leave to the other one (seen: 0.4 % of those 60 degrees away), or
-that ``adapt.differentiable`` may say are NaN (seen: 1.3 % of them)."""
+"""Largest share of a problem's postures that a kernel may leave to the other kernel (seen: 0.4 % of those 60 degrees
+off), or for which ``adapt.differentiable`` may return NaN (seen: 1.3 % of them)."""
 
 LEAVES_OF = {("differentiable", "missing angles"): 0.0, ("differentiable", "missing axial rotations"): 0.0}
-"""In place of ``LEAVES``."""
+"""Exceptions to ``LEAVES``."""
 
 ONLY_PROJECTION = {"effects", "effects of no size", "hardly held"}
 
 NOT_FOR = {"newton": ONLY_PROJECTION, "differentiable": ONLY_PROJECTION}
-"""Chains that a solver does not take, and postures that it leaves."""
+"""Chains that a solver does not support, and postures that it leaves to others."""
 
 HIGHER = {("projection", "missing angles"): 0.03, ("differentiable", "25 degrees"): 0.08}
-"""In place of ``HIGHER_SHARE``: projections start at rest and from two places around, Newton then from six more; of 28
-postures with many local minima the ten starts of ``adapt.differentiable`` miss that of two."""
+"""Exceptions to ``HIGHER_SHARE``. Projections start at rest and from two places around, Newton from six more; of 28
+postures with many local minima, the ten starts of ``adapt.differentiable`` miss the lowest one of two."""
 
 # --- the problems ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Postures, one a lane, and all that is known of their fits."""
+    """Postures, one per problem, and the known properties of their fits."""
 
     plain: Girdle
-    """With the constraints of ``chain``, as the other engine knows them."""
+    """Girdle without effects and with the constraints of ``chain``, for the independent solvers."""
     angles_deg: np.ndarray
     measured: np.ndarray
     with_effects: AnyGirdle | None = None
@@ -138,18 +138,21 @@ def with_every_set(angles_deg: np.ndarray) -> Problem:
 
 @cache
 def simulated_deg() -> np.ndarray:
-    """Angles of the shipped simulation: 10 subjects x 2 motions x 7 postures."""
+    """Return the angles of the shipped simulation: 10 subjects x 2 motions x 7 postures."""
     return simulate_subjects(10, seed=1).angles_deg.T
 
 
 def near_deg(size_deg: float = 15.0) -> np.ndarray:
-    """So many degrees an angle from a girdle's at most."""
+    """Return angles at most so many degrees from those of a girdle."""
     return simulated_deg() + np.random.default_rng(15).uniform(-size_deg, size_deg, simulated_deg().shape)
 
 
 def pulled_off(girdle: Girdle) -> Problem:
-    """s = q + 3 G' lambda, lambda small, q closed because the lengths of the girdle are what they are there: q is the
-    optimum, from dJ/dq = (q - s) / 3 = -G' lambda, degrees and deg^2 a mm. Without lambda in the first ten, J = 0."""
+    """Postures s = q + 3 G' lambda with small lambda, whose optimum is q.
+
+    dJ/dq = (q - s) / 3 = -G' lambda, in degrees and deg^2 per mm. q is closed, because each girdle takes its lengths
+    there. lambda = 0 in the first ten, so that J = 0.
+    """
     q = simulated_deg()
     found, G = zip(*[constraints(bones(girdle), one) for one in q.T], strict=True)
     ts, ai, conoid = np.transpose(found)
@@ -166,15 +169,15 @@ def pulled_off(girdle: Girdle) -> Problem:
 
 
 def sphere() -> Problem:
-    """The thorax of R2 as a sphere."""
+    """R2 with a sphere as its thorax."""
     return pulled_off(replace(load_model("R2").girdle, semi_axes_mm=np.full(3, 130.0)))
 
 
 def one_angle() -> Problem:
     """A girdle on a sphere in which only the clavicle's elevation b is wrong.
 
-    The sphere's centre is h below SC and AI is at AC, so that A2 is (r + const2)^2 = L^2 + h^2 + 2 L h sin b: it
-    alone fixes b. TS, conoid and their constants are such that A1 and A3 hold at b and the other measured angles.
+    The sphere's centre is h below SC and AI is at AC, so that A2 is (r + const2)^2 = L^2 + h^2 + 2 L h sin b: it alone
+    determines b. TS, conoid and their constants are such that A1 and A3 hold at b and the other measured angles.
     """
     L, h, r, b_deg = 150.0, 160.0, 120.0, 12.0
     measured = np.array([-25.0, 20.0, 5.0, 30.0, 8.0, -10.0])
@@ -197,14 +200,14 @@ def one_angle() -> Problem:
     ts, ai, conoid = constraints(bones(plain), closed)[0]
     assert abs(ai) < 1e-12
     girdle = replace(plain, ts_distance_mm=np.array(ts), conoid_length_mm=np.array(conoid)).repeated(1)
-    # dJ/db = (b - s) / 3 is what A2 holds against, whose slope is L h cos b / reach a radian
+    # dJ/db = (b - s) / 3 balances lambda times the slope of A2, which is L h cos b / reach per radian
     slope = L * h * np.cos(np.radians(b_deg)) / reach * np.radians(1.0)
     multipliers = np.array([[0.0], [(measured[1] - b_deg) / 3.0 / slope], [0.0]])
     return Problem(girdle, measured[:, None], np.ones((6, 1), bool), by_hand=(closed[:, None], multipliers))
 
 
 def missing() -> Problem:
-    """One to three angles were not measured."""
+    """One to three angles are unmeasured."""
     generator, angles_deg = np.random.default_rng(4), simulated_deg()
     known = np.isfinite(angles_deg)
     for k in range(known.shape[1]):
@@ -213,14 +216,14 @@ def missing() -> Problem:
 
 
 def missing_axial() -> Problem:
-    """Nobody measured the clavicle's axial rotation, nor in every second posture the scapula's."""
+    """The clavicle's axial rotation is never measured, the scapula's not in every second posture."""
     known = np.ones(simulated_deg().shape, bool)
     known[2], known[5, ::2] = False, False
     return with_set("R2", np.where(known, simulated_deg(), np.nan), known)
 
 
 def hardly_held() -> Problem:
-    """Angles not measured, where the constraints hold them by a hundred-thousandth of what a measurement does."""
+    """Unmeasured angles that the constraints determine 1e5 times less than a measurement would."""
     s = simulate_subjects(60, seed=5).angles_deg[[249, 670]].T
     known = np.ones(s.shape, bool)
     known[[2, 2, 5], [0, 1, 1]] = False
@@ -275,7 +278,7 @@ def cells(*left_out: set[str]) -> pytest.MarkDecorator:
 
 @cells()
 def test_ends_at_an_optimum(solver, name):
-    """Closed and stationary, computed by the other engine; J is the mean square of what was measured."""
+    """Check closure and stationarity by the independent code, and J as the mean square over the measured angles."""
     one, found = problem(name), solved(solver, name)
     assert found.converged.mean() >= 1.0 - LEAVES_OF.get((solver, name), LEAVES.get(solver, 0.0))
     assert_optimal(one, found, np.flatnonzero(found.converged))
@@ -311,7 +314,7 @@ def test_ends_no_higher_than_slsqp(solver, name):
 
 
 def slsqp_lanes(one: Problem, start_deg: np.ndarray, lanes) -> dict[int, Posture]:
-    """SLSQP on the given lanes, without those where it gives up."""
+    """Run SLSQP on these problems; leave out those where it gives up."""
     each = {k: [x[:, k] for x in (one.angles_deg, start_deg, one.measured)] for k in lanes}
     found = {k: slsqp(bones(one.plain, k), *given) for k, given in each.items()}
     return {k: one for k, one in found.items() if one.success and one.open_mm < OPEN_MM}
@@ -325,7 +328,7 @@ def slsqp_from_the_angles(name: str) -> dict[int, Posture]:
 def other_local_minima(
     one: Problem, found: PostureSolution | Answer, oracle: dict[int, Posture]
 ) -> tuple[list[int], list[int]]:
-    """Lanes where J is lower, and higher, than SLSQP's. In both, SLSQP started from ours must stay there."""
+    """Return the problems with J below, and above, SLSQP's; check that SLSQP started from ours stays there."""
     assert len(oracle) >= SLSQP_ENDS * one.count, f"SLSQP itself gave up on {one.count - len(oracle)} of {one.count}"
     excess = {k: float(found.j_deg2[k]) - best.j_deg2 for k, best in oracle.items() if found.converged[k]}
     lower = [k for k, d in excess.items() if d < -J_TOLERANCE_DEG2]
@@ -341,7 +344,7 @@ def other_local_minima(
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_the_start_does_not_matter_within_its_local_minimum(solver):
-    """Starts 2 degrees around the solution: closer than the other local minima."""
+    """Check starts 2 degrees around the solution, closer than the other local minima."""
     one = with_set("R2", simulated_deg())
     fitted = SOLVERS[solver](one.chain, one.angles, one.measured)
     offset = np.random.default_rng(2).uniform(-2.0, 2.0, one.angles.shape) / DEG
@@ -351,7 +354,10 @@ def test_the_start_does_not_matter_within_its_local_minimum(solver):
 
 
 def beside(solver: str, good: Problem, bad: Problem) -> PostureSolution:
-    """The answers of bad lanes in turns with good ones, whose own are the same as among copies of themselves."""
+    """Return the answers of bad problems in alternation with good ones.
+
+    Check that the good ones have the same answers as beside copies of themselves.
+    """
 
     def in_turns(x, y):
         return np.stack([x, y], axis=-1).reshape(*x.shape[:-1], -1)
@@ -370,7 +376,7 @@ def beside(solver: str, good: Problem, bad: Problem) -> PostureSolution:
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_conoid_shorter_than_any_posture_allows_is_unreachable_and_says_by_how_much(solver):
-    """The attachments never come nearer than the shortest conoid: one shorter by 1 mm gapes by 1 mm."""
+    """Check a conoid 1 mm below the shortest distance of its attachments: the violation is 1 mm."""
     good = with_set("R4", simulated_deg()[:, ::2])
     shortest = shortest_conoid_mm(load_model("R4").girdle)
     short = replace(good.plain, conoid_length_mm=np.full(good.count, shortest - 1.0))
@@ -384,7 +390,7 @@ def test_a_conoid_shorter_than_any_posture_allows_is_unreachable_and_says_by_how
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_lanes_without_numbers_do_not_poison_their_neighbours(solver):
-    """NaN angles said to be measured, too few angles, a sound lane, and girdles of NaN: each has its own status."""
+    """NaN angles marked as measured, too few angles, a sound problem, and NaN girdles: each has its own status."""
     good = with_set("R2", simulated_deg()[:, ::2])
     bad_deg, known = good.angles_deg.copy(), good.measured.copy()
     bad_deg[2, 0] = np.nan
@@ -398,7 +404,7 @@ def test_lanes_without_numbers_do_not_poison_their_neighbours(solver):
 
 
 def test_measured_postures_are_slsqps_and_never_the_worse_local_minimum(measured_files):
-    """Each motion on one branch, which may lead to a higher J than the fit on its own has found."""
+    """Check fits that follow each motion on one branch, which may raise J above that of independent fits."""
     motions = read_motions(*measured_files)
     one = with_every_set(motions.angles_deg.T)
     found = fit_batch(one.chain, one.angles, one.measured)
@@ -410,21 +416,21 @@ def test_measured_postures_are_slsqps_and_never_the_worse_local_minimum(measured
     _, higher = other_local_minima(one, followed, slsqp_lanes(one, one.angles * DEG, range(one.count)))
     raised = followed.j_deg2 > found.j_deg2 + J_TOLERANCE_DEG2
     assert [k for k in higher if not raised[k]] == []
-    assert {MODELS[k // rows] for k in higher} <= {"das3"}  # which does not close at rest: many local minima
+    assert {MODELS[k // rows] for k in higher} <= {"das3"}  # das3 does not close at rest, and has many local minima
 
 
 # --- along a motion -------------------------------------------------------------------------------
 
 
 def smooth_motion_deg(count: int = 8) -> np.ndarray:
-    """One abduction of the published rhythm without noise, 0 to 120 degrees."""
+    """Return one abduction of the published rhythm without noise, 0 to 120 degrees."""
     elevation = np.linspace(0.0, 120.0, count)
     coefficients = np.repeat(COEFFICIENTS[:, :, None], count, axis=2)
     return girdle_angles_deg(np.repeat(REST_DEG[:, None], count, axis=1), np.zeros(count), elevation, coefficients)
 
 
 MOST_A_STEP = 3.0
-"""The fitted angles of a smooth motion may turn faster than the measured ones, not many times faster."""
+"""Largest step of a fitted angle relative to the measured one: the fit of a smooth motion may turn somewhat faster."""
 
 
 @pytest.mark.parametrize("name", ["R2", "R4", "R6", "breteler_dissection", "breteler_mri"])
@@ -441,7 +447,7 @@ def test_a_smooth_motion_has_no_jumps(name):
 
 
 def other_branch(one: Problem, first: PostureSolution) -> tuple[int, PostureSolution] | None:
-    """A posture in the middle of the motion with a second local optimum of higher J, and that optimum."""
+    """Find a posture in the middle of the motion with a second local optimum of higher J; return both."""
     generator = np.random.default_rng(5)
     for _ in range(10):
         start = one.angles + generator.uniform(-90.0, 90.0, one.angles.shape) / DEG
@@ -453,7 +459,7 @@ def other_branch(one: Problem, first: PostureSolution) -> tuple[int, PostureSolu
 
 
 def test_a_posture_on_another_branch_is_put_back():
-    """In every set in which one is found from 80 far starts; at least in one."""
+    """Check every set for which 80 far starts find another branch; at least one set must have one."""
     tried = 0
     for name in MODELS:
         one = with_set(name, smooth_motion_deg())

@@ -1,4 +1,4 @@
-"""Projections: where Newton steps take over, and the curvature that is learnt from the steps."""
+"""Projections: Newton steps where projections do not converge, and the curvature learnt from the steps."""
 
 import numpy as np
 import pytest
@@ -12,14 +12,14 @@ from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
 
 OFF_DEG = 20.0
-"""Noise of postures that no chain is near: projections leave some 2 % of them."""
+"""Noise of postures far from any chain: projections do not converge for some 2 % of them."""
 
 OPEN_MM, KKT_TOLERANCE = 1e-6, 1e-9
-"""As of every fit (``test_posture_fit.py``)."""
+"""Tolerances of every fit (``test_posture_fit.py``)."""
 
 
 def matrices(count: int, seed: int) -> np.ndarray:
-    """Positive ones, 3 by 3."""
+    """Draw positive definite matrices, 3 by 3."""
     root = np.random.default_rng(seed).standard_normal((count, 5, 3))
     return np.moveaxis(np.swapaxes(root, 1, 2) @ root, 0, -1)
 

@@ -1,6 +1,6 @@
-"""What must hold whatever was measured: of posture fits and adaptations, on drawn motions (hypothesis).
+"""Properties of posture fits and adaptations that hold for any measurement, on random motions (hypothesis).
 
-Of rotations, the distance to the ellipsoid and the frames of landmarks: beside their other tests.
+The properties of rotations, of the distance to the ellipsoid and of landmark frames stand beside their other tests.
 """
 
 from dataclasses import fields, replace
@@ -28,19 +28,19 @@ from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
 ROUNDING_MM = 1e-11
-"""Some rounding errors of sums of 100s of mm."""
+"""A few rounding errors of sums of 100s of mm."""
 
 SAME_FIT_RAD = 1e-9
-"""Converged fits agree to this, whatever rounding went before (adapt.solvers.posture_fits.SAME_BRANCH_RAD is wider)."""
+"""Tolerance for converged fits with different rounding (adapt.solvers.posture_fits.SAME_BRANCH_RAD is wider)."""
 
 RISES = 1e-9
-"""Relative: of two optima of one problem from several starts."""
+"""Relative tolerance between two optima of one problem from several starts."""
 
 FEW_MINIMA_DEG2 = 200.0
-"""Gaps up to 14 degrees. Beyond, a few fits end in a higher local minimum, whatever the places that they start from."""
+"""J of a gap of 14 degrees: above it, a few fits end in a higher local minimum, whatever their starts."""
 
 FEW_MINIMA_LEFT_OUT_DEG2 = 100.0
-"""Gaps up to 10 degrees where an angle is left out: of 19 200 such fits 11 ended in a higher one, all above 11."""
+"""J of a gap of 10 degrees, the limit with an angle left out: of 19 200 such fits 11 ended higher, all above 11."""
 
 R2 = load_model("R2").girdle
 POSTURES = 8
@@ -50,7 +50,7 @@ few = settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck
 
 
 def measured(seed: int) -> np.ndarray:
-    """Simulated angles with noise of 3 degrees, (6, POSTURES) rad."""
+    """Simulate angles with noise of 3 degrees, (6, POSTURES) rad."""
     motions = simulate_subjects(1, seed=seed, noise_deg=3.0)
     return motions.angles_deg[:POSTURES].T / float(DEG)
 
@@ -60,7 +60,7 @@ def fitted(girdle: Girdle, angles: np.ndarray):
 
 
 def mirrored(girdle: Girdle) -> Girdle:
-    """The left shoulder of the same person: every point reflected in the sagittal plane, in its own frame."""
+    """Return the left shoulder of the same person: every point reflected in the sagittal plane, in its own frame."""
     mirror = jnp.asarray(MIRROR_POSITION)
     axes = girdle.semi_axes_mm
     points = {one.name: getattr(girdle, one.name) for one in fields(girdle)}
@@ -70,7 +70,7 @@ def mirrored(girdle: Girdle) -> Girdle:
 
 @few
 @given(seed=seeds)
-@example(seed=1241)  # of a gap of 22 degrees the two end in different local minima
+@example(seed=1241)  # with a gap of 22 degrees, the two fits end in different local minima
 def test_a_left_shoulder_is_the_mirror_image_in_constraints_and_fits(seed):
     angles, mirror = measured(seed), MIRROR_ANGLES[:, None]
     right, left = R2.repeated(POSTURES), mirrored(R2).repeated(POSTURES)
@@ -87,7 +87,7 @@ def test_a_left_shoulder_is_the_mirror_image_in_constraints_and_fits(seed):
 @few
 @given(seed=seeds, scale=st.floats(0.5, 2.0))
 def test_the_unit_of_length_does_not_matter_to_the_angles(seed, scale):
-    """A girdle twice as large has the same fits; a millimetre of it costs half as much."""
+    """Check a girdle of another size: the fits are the same, and multipliers scale with its inverse."""
     angles = measured(seed)
     larger = Girdle(**{one.name: getattr(R2, one.name) * scale for one in fields(R2)})
     one, other = fitted(R2, angles), fitted(larger, angles)
@@ -102,7 +102,7 @@ SUBJECTS = 8
 
 
 def held(data: Problems, free: set[str]) -> Problems:
-    """The same with every other parameter held at the girdle's own value."""
+    """Return the problems with every parameter not in ``free`` fixed at the girdle's own value."""
     own = np.asarray(data.girdle.adapted_mm)
     is_free = np.array([name in free for name in ADAPTED])[:, None]
     lower, upper = np.asarray(data.bounds_mm)
@@ -111,11 +111,11 @@ def held(data: Problems, free: set[str]) -> Problems:
 
 
 NO_POINTS = 1e4
-"""A weight with which E is the gap but for D / w: 1000 mm^2 of it, more than there is, count as 0.1 deg^2."""
+"""Weight with which E is nearly the gap alone: in D / w, 1000 mm^2, more than any D, count as 0.1 deg^2."""
 
 
 def before(data: Problems, weight: float) -> tuple[np.ndarray, np.ndarray]:
-    """E and mean J of the girdle as it is, with its postures fitted."""
+    """Compute E and mean J of the girdle before adaptation, with its postures fitted."""
     theta = data.girdle.adapted_mm
     D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.point_weights))
     j = mean_square_deg2(fitted_angles(data, theta), data.angles, angle_weights(data.measured))
@@ -125,7 +125,7 @@ def before(data: Problems, weight: float) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("weight", [WEIGHT, NO_POINTS], ids=["E", "the gap alone"])
 def test_nothing_rises_by_adapting_nor_by_freeing_a_parameter(weight):
-    """Nested: nothing free, the conoid, the centre too, all. Each problem contains the one before."""
+    """Check nested problems: no free parameter, the conoid, the centre too, all. Each contains the one before."""
     data = problems_of(posture_rows(simulate_subjects(SUBJECTS, seed=3, noise_deg=2.0)), [load_model("R2")])
     nested = [{"conoid_length"}, {"conoid_length", "M_y", "M_z"}, set(ADAPTED)]
     found = [before(data, weight)]
@@ -145,7 +145,7 @@ def test_nothing_rises_by_adapting_nor_by_freeing_a_parameter(weight):
 @few
 @given(seed=seeds, angle=st.integers(0, 5))
 def test_the_gap_never_grows_when_an_angle_need_not_be_met(seed, angle):
-    """The sum of squares of the others, which the fit is free to bring down further."""
+    """Check the sum of squares of the other angles, which a fit without one angle can only lower."""
     angles, measured_ones = measured(seed), np.ones((6, POSTURES), bool)
     girdle = R2.repeated(POSTURES)
     all_six = fit_batch(girdle, angles, measured_ones)

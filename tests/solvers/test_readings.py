@@ -1,4 +1,4 @@
-"""Every reading of E against a scalar one in NumPy and SciPy: rotations, distances, postures and E written anew."""
+"""Every variant of E against a scalar implementation in NumPy and SciPy: rotations, distances, postures and E anew."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,16 +21,16 @@ from motions.rotations import DEG
 from scripts.rooms import ROOT
 
 SAME = 1e-7
-"""Relative. SLSQP ends where J falls by less than 1e-10 a step; the chains then gape by 1e-9 mm."""
+"""Relative tolerance. SLSQP ends where J falls by less than 1e-10 per step; constraint violations are then 1e-9 mm."""
 
 STEP_MM = 0.05
-"""Off the optimum, of each parameter. The sharpest rounded-off kink is 0.01 mm wide."""
+"""Step of each parameter from the optimum. The sharpest rounded-off kink is 0.01 mm wide."""
 
 NO_LOWER = 1e-6
-"""Relative: what SLSQP's E may be lower one step away. Half of W, or points counted otherwise, make it 1e-4."""
+"""Relative amount by which SLSQP's E may be lower one step away. Half of W, or wrong point weights, give 1e-4."""
 
 SETTLED = {"squares": 1e-6, "roots": 1e-4, "lengths": 1e-3}
-"""Relative: by how much E may lie above that at another reading's optimum. Iterated weights settle to 1e-4 only."""
+"""Relative excess of E over its value at another variant's optimum: iterated weights converge to 1e-4 only."""
 
 D_AND_J: dict[str, Callable[[np.ndarray, np.ndarray], tuple[Any, Any]]] = {
     "mm2_deg2": lambda d, j: (np.mean(d**2), np.mean(j)),
@@ -47,16 +47,16 @@ D_AND_J: dict[str, Callable[[np.ndarray, np.ndarray], tuple[Any, Any]]] = {
     "mm2_sum_deg2": lambda d, j: (np.mean(d**2), np.sum(j)),
     "mm2_deg2_landmarks": lambda d, j: (np.mean(d**2), np.mean(j)),
 }
-"""D and J of the distances (mm) and the J_p (deg^2), said once more."""
+"""D and J from the distances (mm) and the J_p (deg^2), written anew."""
 
 LANDMARKS = "mm2_deg2_landmarks"
 
 PALPATED_MM = 6.0
-"""Of a landmark from where the model has it at the measured angles: so far that L moves the optimum."""
+"""SD of a landmark about its place in the model at the measured angles: large enough that L moves the optimum."""
 
 
 def length(d: np.ndarray) -> np.ndarray:
-    """|d|, rounded off."""
+    """Compute |d|, rounded off at 0."""
     return np.hypot(d, KINK_MM)
 
 
@@ -70,7 +70,7 @@ def motions() -> Motions:
 
 
 def palpated(angles_deg: np.ndarray) -> dict[str, np.ndarray]:
-    """Positions of TS and AI (simulated); TS was not found in the second posture, and only half of AI in the third."""
+    """Simulate positions of TS and AI; TS is missing in the second posture, and one coordinate of AI in the third."""
     own, generator = bones(load_model("R6").girdle), np.random.default_rng(5)
     found = {}
     for name, place in (("TS", own.ts_mm), ("AI", own.ai_mm)):
@@ -93,7 +93,7 @@ def adapted(data) -> dict[str, Adapted]:
 
 @pytest.fixture(scope="module")
 def scalar_e(motions, data) -> Callable[..., float]:
-    """E of a reading at theta, every posture fitted by SLSQP from the postures of an optimum."""
+    """Return E of a variant at theta, with every posture fitted by SLSQP from the postures of an optimum."""
     own, points = bones(data.girdle, 0), np.asarray(data.points_mm)[..., 0].T
 
     def E(name: str, theta: np.ndarray, near: Adapted) -> float:
@@ -109,7 +109,7 @@ def scalar_e(motions, data) -> Callable[..., float]:
 
 
 def scalar_l(motions: Motions, moved: Bones) -> float:
-    """L at an ellipsoid, mm^2."""
+    """Compute L at an ellipsoid, mm^2."""
     squares = [
         (ellipsoid_distance(p - moved.centre_mm, moved.semi_axes_mm)[0] - const) ** 2
         for name, const in (("TS", moved.ts_distance_mm), ("AI", moved.ai_distance_mm))
@@ -126,7 +126,7 @@ def test_every_reading_is_written_anew():
 
 @pytest.mark.parametrize("name", OBJECTIVES)
 def test_e_is_that_of_the_scalar_one_and_no_lower_nearby(name, data, adapted, scalar_e):
-    """In every parameter, up and down, within the bounds."""
+    """Check every parameter, up and down, within the bounds."""
     found = adapted[name]
     assert found.status[0] == "ok"
     theta, E = found.theta_mm[:, 0], found.E[0]
@@ -140,14 +140,14 @@ def test_e_is_that_of_the_scalar_one_and_no_lower_nearby(name, data, adapted, sc
 
 @pytest.mark.parametrize("name", OBJECTIVES)
 def test_no_other_reading_s_optimum_is_lower(name, adapted, scalar_e):
-    """And some are higher: the readings are not one."""
+    """Check also that some optima are clearly higher: the variants differ."""
     others = {other: scalar_e(name, found.theta_mm[:, 0], found) for other, found in adapted.items()}
     assert min(others.values()) >= others[name] * (1.0 - SETTLED[OBJECTIVES[name].form])
     assert max(others.values()) > 1.01 * others[name]
 
 
 def test_landmarks_count_where_they_were_measured_in_the_postures_that_do(motions, data, adapted):
-    """L is that of the postures adapted to; where nobody measured one, E is that of the default."""
+    """Check that L counts the postures of the adaptation; without landmarks E is that of the default variant."""
     found = adapted[LANDMARKS]
     moved = with_theta(bones(data.girdle, 0), found.theta_mm[:, 0])
     assert found.L_mm2[0] == pytest.approx(scalar_l(motions, moved), rel=SAME)
@@ -169,7 +169,7 @@ def test_landmarks_count_where_they_were_measured_in_the_postures_that_do(motion
 
 
 def test_with_landmarks_the_covariance_knows_of_them(data, adapted):
-    """dE/dtheta about the optimum by differences of the whole objective's slope is the curvature."""
+    """Check the curvature of the points against differences of the gradient of the whole thorax term."""
     found = adapted[LANDMARKS]
     curved = curvature(data, found)
     assert np.abs(curved.of_points - curvature(data, adapted["mm2_deg2"]).of_points).max() > 0.01
@@ -183,7 +183,7 @@ def test_with_landmarks_the_covariance_knows_of_them(data, adapted):
 
 
 def test_landmarks_with_an_active_effect_of_no_size(motions, data, adapted):
-    """The careful and the fast path of effects have the same optimum as the batched one."""
+    """Check the slower and the fast path of effects with an effect of size 0 against the batch without effects."""
     rows = posture_rows(motions, {"scapula_landmark_bias": (0.0, 0.0, 0.0)})
     found = adapt_batch(problems_of(rows, [load_model("R6")]), WEIGHT, LANDMARKS)
     assert found.status[0] == "ok"

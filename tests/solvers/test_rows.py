@@ -1,4 +1,4 @@
-"""Padded arrays of ragged subjects: nothing is lost, nothing is counted twice."""
+"""Padded arrays of subjects with unequal numbers of postures: no posture is lost or counted twice."""
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ from motions.rotations import DEG
 
 
 def motions_of(subject: list[str]) -> Motions:
-    """Rows of these subjects; the angles of row r are 10 r + (0 ... 5) degrees."""
+    """Make rows of these subjects; the angles of row r are 10 r + (0 ... 5) degrees."""
     rows = np.arange(len(subject))
     return Motions(
         subject=np.array(subject),
@@ -25,7 +25,7 @@ def motions_of(subject: list[str]) -> Motions:
 
 
 RAGGED = ["c", "a", "a", "b", "c", "c", "a", "c", "c"]
-"""Three subjects of 5, 3 and 1 postures, not in order and taking turns."""
+"""Three subjects with 5, 3 and 1 postures, in mixed order."""
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def rows() -> PostureRows:
 
 
 def test_shapes_are_rounded_up_and_subjects_keep_their_order(rows):
-    """5 postures to 6."""
+    """5 postures are padded to 6."""
     assert rows.subjects == ("c", "a", "b")
     assert rows.packed(rows.angles).shape == (6, 6, 3)
     assert rows.counted.shape == rows.place.shape == (6, 3)
@@ -80,7 +80,7 @@ def test_an_angle_that_was_not_measured_is_that_of_rest_and_marked():
 
 
 def test_rows_of_several_models_follow_each_other(rows):
-    """Each model's rows know the ones before them in their own motion."""
+    """Check that each model's rows refer to previous rows of the same model."""
     twice = rows.repeated(2, np.float32)
     assert twice.angles.dtype == np.float32
     np.testing.assert_array_equal(twice.subject, np.tile(rows.subject, 2))

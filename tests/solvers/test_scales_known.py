@@ -1,4 +1,4 @@
-"""Whose scales can be learnt: of chains whose slopes are finite and not without end."""
+"""Scales are learnt only from chains with finite, bounded slopes."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The linear algebra that is written out, against LAPACK."""
+"""Linear algebra written out by components, against LAPACK."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ GENERATOR = np.random.default_rng(4)
 
 @pytest.mark.parametrize("first", [1.0, -1.0, 0.0])
 def test_a_null_basis_is_orthonormal_and_across_every_row(first):
-    """Whatever the sign of what a reflection turns, and where it is 0."""
+    """Check every sign of the number that a reflection turns, and 0."""
     G = GENERATOR.standard_normal((3, 6))
     G[:, :2] *= first
     Z = np.asarray(null_basis(G))

@@ -25,7 +25,7 @@ MEANS = [f"{angle}_deg" for angle in ANGLES]
 
 
 def fits(*rows: tuple[str, str, float, str], model: str = "R2", adapted: int = 0) -> pd.DataFrame:
-    """Rows of ``fits.csv``: (subject, motion, d, status) with the differences d, -2 d, 3 d, -4 d, 5 d, -6 d degrees."""
+    """Make rows of ``fits.csv``: (subject, motion, d, status), with differences d, -2 d, 3 d, -4 d, 5 d, -6 d deg."""
     signed = np.array([1.0, -2.0, 3.0, -4.0, 5.0, -6.0])
     table = pd.DataFrame(
         {
@@ -41,7 +41,7 @@ def fits(*rows: tuple[str, str, float, str], model: str = "R2", adapted: int = 0
 
 
 def block(summary: pd.DataFrame, **chosen) -> pd.DataFrame:
-    """The rows with these values, by subject (or statistic)."""
+    """Select the rows with these values, by subject (or statistic)."""
     mask = np.all([summary[column] == value for column, value in chosen.items()], axis=0)
     return summary[mask].set_index("subject")
 
@@ -52,7 +52,7 @@ THREE = fits(
     ("two", "abduction", 4.0, status.OK),
     ("three", "abduction", 9.0, status.OK),
 )
-"""Mean absolute difference of the first angle: 2, 4 and 9 degrees, of the k-th k times that."""
+"""Mean absolute difference of the first angle: 2, 4 and 9 degrees; the k-th angle has k times that."""
 
 
 def test_a_subject_is_the_mean_of_its_absolute_differences():
@@ -65,7 +65,7 @@ def test_a_subject_is_the_mean_of_its_absolute_differences():
 
 
 def test_statistics_are_those_of_the_subjects():
-    """2, 4, 9: mean 5, std sqrt((9 + 1 + 16) / 2) = sqrt(13), n - 1 as in Table 6.1 (its first column: 1.9)."""
+    """2, 4, 9: mean 5, std sqrt((9 + 1 + 16) / 2) = sqrt(13), with n - 1 as in Table 6.1 (its first column: 1.9)."""
     table = block(summary_table(THREE), motion=ALL_MOTIONS)
     for row, expected in {"mean": 5.0, "std": np.sqrt(13.0), "max": 9.0, "min": 2.0}.items():
         values = table.loc[row, [*MEANS, "clavicle_deg", "scapula_deg"]].to_numpy(float)
@@ -73,7 +73,7 @@ def test_statistics_are_those_of_the_subjects():
 
 
 def test_table_6_1_first_column():
-    """Ten subjects as printed: 4.0, 1.9, 7.4, 1.5 to one digit, so std is with n - 1 (with n it is 1.8)."""
+    """Ten subjects as printed give 4.0, 1.9, 7.4, 1.5 to one digit, so std has n - 1 (with n it would be 1.8)."""
     printed = (6.6, 3.9, 1.5, 7.4, 5.0, 3.1, 1.9, 4.9, 3.6, 2.5)
     rows = [(f"{k}", "abduction", value, status.OK) for k, value in enumerate(printed, 1)]
     table = block(summary_table(fits(*rows)), motion=ALL_MOTIONS)
@@ -125,7 +125,7 @@ def test_models_and_states_apart():
 
 
 def heldout(*rows: tuple[str, str, str, int, float], model: str = "R2") -> pd.DataFrame:
-    """Rows of ``heldout.csv``: (subject, kind, held out, postures, gap of the clavicle); the scapula's is twice it."""
+    """Make rows of ``heldout.csv``: (subject, kind, held out, postures, clavicle gap); the scapula has twice it."""
     table = pd.DataFrame(rows, columns=["subject", "kind", "held_out", "postures", "clavicle_gap_unseen_deg"])
     return table.assign(model=model, scapula_gap_unseen_deg=2.0 * table["clavicle_gap_unseen_deg"])
 
@@ -139,7 +139,7 @@ HELD_OUT_PARTS = (
     ("two", POSTURES, "third 1", 2, 3.0),
     ("two", POSTURES, "third 2", 1, 6.0),
 )
-"""Of one, both motions were held out, and (as `girdle trust` does) thirds; of two, which has one motion, thirds."""
+"""Held-out parts: of "one" both motions and, as in `girdle trust`, thirds; of "two", which has one motion, thirds."""
 
 
 def before_and_after(model: str = "R2") -> pd.DataFrame:
@@ -148,7 +148,7 @@ def before_and_after(model: str = "R2") -> pd.DataFrame:
 
 
 def test_the_gap_held_out_stands_beside_that_in_sample():
-    """One: (2 1 + 4) / 3 = 2; two: (2 3 + 6) / 3 = 4, its only motion's too; three was not held out."""
+    """One: (2 1 + 4) / 3 = 2; two: (2 3 + 6) / 3 = 4, also for its only motion; three was not held out."""
     summary = summary_of(rows_of_subjects(before_and_after()), heldout(*HELD_OUT_PARTS))
     assert summary.columns.tolist()[-4:] == ["postures", "postures_ok", *HELD_OUT.values()]
     expected = {
@@ -175,7 +175,7 @@ def test_the_gap_held_out_is_that_of_its_model():
 
 
 def test_without_a_gap_in_sample_there_is_none_held_out():
-    """A motion that could not be fitted, of who was held out by thirds of the other one."""
+    """A motion without a successful fit, of a subject whose other motion was held out by thirds."""
     lost = before_and_after()
     lost.loc[(lost["subject"] == "three") & (lost["motion"] == "flexion"), "status"] = status.UNREACHABLE
     summary = summary_of(rows_of_subjects(lost), heldout(("three", POSTURES, "third 1", 1, 5.0)))
@@ -192,7 +192,7 @@ def test_without_anything_held_out_the_columns_are_empty(nothing):
 
 
 def parameters(model: str, M_y_mm: list[float], words: list[str]) -> pd.DataFrame:
-    """``parameters.csv`` with M_y as given, and every other parameter at its own value, 7 mm."""
+    """Make ``parameters.csv`` with M_y as given, and every other parameter at the set's own value, 7 mm."""
     columns: dict[str, object] = {"model": [model] * len(words), "status": words}
     for name in ADAPTED:
         columns[f"{name}_mm"] = M_y_mm if name == "M_y" else 7.0
@@ -202,7 +202,7 @@ def parameters(model: str, M_y_mm: list[float], words: list[str]) -> pd.DataFram
 
 
 def test_parameter_statistics_by_hand():
-    """-300, -290, -190: mean -260, SD sqrt((40^2 + 30^2 + 70^2) / 2) = sqrt(3700); the failed subject is out."""
+    """-300, -290, -190: mean -260, SD sqrt((40^2 + 30^2 + 70^2) / 2) = sqrt(3700), without the failed subject."""
     words = [status.OK, status.OK, status.OK, status.NOT_CONVERGED]
     R2 = parameters("R2", [-300.0, -290.0, -190.0, 1e6], words)
     found = parameter_statistics(pd.concat([R2, parameters("R4", [-230.0], [status.OK])], ignore_index=True))
@@ -224,7 +224,7 @@ def test_parameter_statistics_of_nobody():
 
 
 def test_csv_is_that_of_pandas():
-    """Numbers of every size, nothing, infinity, and names that need quotation marks."""
+    """Numbers of every size, missing values, infinity, and names that need quotation marks."""
     generator = np.random.default_rng(4)
     values = generator.normal(size=200) * 10.0 ** generator.integers(-20, 20, 200)
     values[:8] = np.nan, np.inf, -np.inf, -0.0, 1e16, np.nextafter(1e16, 0.0), 1e-4, np.nextafter(1e-4, 0.0)

@@ -1,4 +1,4 @@
-"""What the trust of an adaptation is made of, in cases worked by hand: no solver, or one posture fit."""
+"""Parts of `girdle trust` against hand computation, without a solver or with a single posture fit."""
 
 from dataclasses import replace
 
@@ -29,11 +29,11 @@ from scripts import reporting
 ROUNDING = 1e-12
 
 ON_SURFACE_MM = 1e-6
-"""The shipped thorax points are on the ellipsoid to 1e-9 mm of each coordinate."""
+"""Tolerance: the shipped thorax points are on the ellipsoid to 1e-9 mm in each coordinate."""
 
 
 def two_motions() -> Motions:
-    """s1 has abduction and flexion, six and six postures; s2 abduction alone."""
+    """Make s1 with abduction and flexion, six postures each, and s2 with abduction alone."""
     abduction, flexion = motions_of(rising(2, 6)), motions_of(rising(1, 6), motion="flexion")
     return Motions.concatenate([abduction, flexion])
 
@@ -66,7 +66,7 @@ def test_the_fewest_folds_leave_out_postures_only_of_who_has_one_motion():
 
 
 def test_the_fewest_parts_of_a_table_are_those_of_the_fewest_folds():
-    """As `girdle diagnose` writes them, which holds out more."""
+    """The table is like that of `girdle diagnose`, which has more kinds of folds."""
     motions = two_motions()
     every, fewest = (
         pd.DataFrame([(motions.subjects[fold.subject], fold.kind, fold.held_out) for fold in folds(motions)])
@@ -93,7 +93,7 @@ def test_who_has_a_single_posture_has_nothing_to_hold_out():
 
 
 def test_gaps_are_those_of_the_fits():
-    """Every angle 6 degrees off before and 2 after; one that was not measured and a fit that failed have none."""
+    """Every angle is 6 degrees off before and 2 after; blank angles and failed fits have NaN."""
     angles_deg = rising(2, 4)
     angles_deg[0, 1, 3] = np.nan
     motions = motions_of(angles_deg)
@@ -106,7 +106,7 @@ def test_gaps_are_those_of_the_fits():
 
 
 def test_of_a_single_kind_of_motion_thirds_are_held_out_with_persons():
-    """Four shoulders of three persons: s1 and s4 are one, and are held out together."""
+    """Four shoulders of three persons: s1 and s4 belong to one person and are held out together."""
     motions = motions_of(rising(4, 6))
     folds, label = motions_and_persons(motions, np.array([0, 1, 2, 0]))
     order = [(kind, s, third) for kind in (MOTION, PERSON) for s in range(4) for third in (2, 3, 1)]
@@ -119,7 +119,7 @@ def test_of_a_single_kind_of_motion_thirds_are_held_out_with_persons():
 
 
 def test_the_gap_of_a_subject_counts_each_part_by_its_postures():
-    """Two postures with a gap of 1 and four with one of 4 degrees: 3; a part that failed does not count."""
+    """Two postures with a gap of 1 and four with a gap of 4 degrees give 3; a failed part does not count."""
     rows = [("s1", 2, 1.0), ("s1", 4, 4.0), ("s1", 9, float("nan")), ("s2", 5, 2.0)]
     table = pd.DataFrame(
         [{"model": "R2", "subject": s, "kind": MOTION, "postures": n, "gap_unseen_deg": gap} for s, n, gap in rows]
@@ -131,7 +131,7 @@ def test_the_gap_of_a_subject_counts_each_part_by_its_postures():
 
 
 def test_a_jump_is_counted_among_the_steps_along_motions():
-    """s1 has two motions of six postures, ten steps, one with a jump; the first posture of a motion is no step."""
+    """s1 has two motions of six postures, ten steps, one with a jump; the first posture of a motion has no step."""
     motions = two_motions()
     fits = pd.DataFrame({"jump": np.zeros(len(motions.posture), int)})
     assert jump_free_share(motions, fits) == {"s1": 1.0, "s2": 1.0}
@@ -148,7 +148,7 @@ def test_a_single_posture_is_no_step():
 
 
 def test_what_the_points_forbid_by_hand():
-    """From 100 to 30 with them, to 20 without: 10 of 80. No share where nothing falls, or without is above with."""
+    """From 100 to 30 with points, to 20 without: 10 of 80. NaN where nothing decreases, or "without" exceeds "with"."""
     assert improvement_blocked_by_points(100.0, 30.0, 20.0) == 0.125
     assert improvement_blocked_by_points(100.0, 20.0, 20.0) == 0.0
     unknown = [(100.0, 15.0, 20.0), (20.0, 20.0, 20.0), (100.0, 30.0, np.nan), (100.0, np.nan, 20.0)]
@@ -170,7 +170,7 @@ def test_no_published_ellipsoid_is_warned_of(name):
 
 
 def test_the_numbers_of_an_ellipsoid_by_hand():
-    """R2: 4/3 pi 0.153 0.404 0.130 m^3 = 33.66 l; a chest 260 mm deep over 197."""
+    """R2: 4/3 pi 0.153 0.404 0.130 m^3 = 33.66 l; an ellipsoid 260 mm deep over a chest 197 mm deep."""
     model = load_model("R2")
     found = {check.name: check.value for check in checks(model, np.asarray(model.girdle.adapted_mm))}
     assert found["volume"] == pytest.approx(33.66, abs=0.01)
@@ -179,7 +179,7 @@ def test_the_numbers_of_an_ellipsoid_by_hand():
 
 
 def test_a_thorax_moved_backward_leaves_its_points_at_the_front_and_back():
-    """By 30 mm along z: a point whose normal is along n is left by 30 n_z, to first order; at the side n_z is small."""
+    """Shift of 30 mm along z: a point with normal n is then 30 n_z away, to first order; at the side n_z is small."""
     model = load_model("R6")
     theta = np.asarray(model.girdle.adapted_mm).copy()
     theta[1] += 30.0
@@ -198,7 +198,7 @@ def test_a_thorax_that_is_none_is_warned_of():
         theta[k] *= factor
         assert name in {check.name for check in checks(model, theta) if check.verdict == WARNING}
     nothing = checks(model, np.full(6, np.nan))
-    of_the_set = {"distance of TS", "distance of AI"}  # they do not depend on what is adapted
+    of_the_set = {"distance of TS", "distance of AI"}  # independent of the adapted parameters
     assert {check.name for check in nothing if check.verdict != WARNING} == of_the_set
 
 

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The checks of forces: limits from the published sets, which pass; an ellipsoid that shrank or ran away does not."""
+# (pandas types nearly every result as "Series | DataFrame | scalar")
+"""Checks of forces, with limits from the published sets: these pass, an ellipsoid that shrank or ran away does not."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ from scripts.research.trust.spread_of_sets import rhythm, spread
 UNBOUND_MM = 1e4
 
 LIMIT = 0.005
-"""Share by which a limit may lie above the largest difference: they are rounded up."""
+"""Largest relative excess of a limit over the largest difference: limits are rounded up."""
 
 
 def test_the_limits_are_the_largest_differences_between_published_sets():
@@ -41,7 +41,7 @@ def test_the_limits_are_the_largest_differences_between_published_sets():
 
 
 def changed(model: ParameterSet, **by: float) -> np.ndarray:
-    """The set's adapted parameters, some of them times a factor."""
+    """Return the set's adapted parameters, some of them times a factor."""
     return np.array(
         [
             value * by.get(one.name, 1.0)
@@ -51,7 +51,7 @@ def changed(model: ParameterSet, **by: float) -> np.ndarray:
 
 
 def tables(model: ParameterSet, theta: np.ndarray) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables of an 'adaptation' to theta: postures of the rhythm fitted before and after."""
+    """Make tables of an 'adaptation' to theta: postures of the rhythm fitted before and after."""
     motions = rhythm()
     after = ParameterSet(model.name, model.girdle.with_adapted(theta), model.points_mm, model.bounds_mm, model.source)
     fits = [fit_postures(motions, one).by_model[model.name] for one in (model, after)]
@@ -103,7 +103,10 @@ def test_a_runaway_ellipsoid_is_flagged():
 
 @pytest.mark.parametrize("name", ["R2", "R4"])
 def test_what_an_adaptation_without_bounds_runs_away_to_is_flagged(name):
-    """M_y and A_y may go 10 m, and with these simulated subjects do. Its size says so; forces keep their directions."""
+    """Check adaptations of simulated subjects in which M_y and A_y may run away by 10 m, and do.
+
+    The size of the thorax shows this; the forces keep their directions.
+    """
     model = load_model(name)
     own = np.asarray(model.girdle.adapted_mm)
     free = replace(model, bounds_mm=np.stack([np.where(np.arange(6) < 2, own - UNBOUND_MM, 1.0), own + UNBOUND_MM]))

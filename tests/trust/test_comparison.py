@@ -1,6 +1,6 @@
 # pyright: reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The thesis's tables against themselves, and ``girdle compare`` against tables made by hand and the summary."""
+# (pandas types nearly every result as "Series | DataFrame | scalar")
+"""The thesis's tables for consistency, and ``girdle compare`` against tables made by hand and the summary."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from motions.table import ANGLES
 from tests.helpers.command import girdle, refused
 
 HALF_DIGIT = 0.05 + 1e-9
-"""The tables are printed to 0.1; subjects too, whose rounding averages out."""
+"""Half of the last printed digit, 0.1, of means and of subjects; the rounding of subjects averages out."""
 
 NAMES = MotionNames("abduction", "forward_flexion")
 
@@ -47,7 +47,7 @@ def test_every_table_is_whole():
 
 
 def test_six_angles_in_j_would_have_grown_with_r6():
-    """The mean of squares is at least the square of the mean: R6 from 96 to 122 deg^2, in eight of ten subjects."""
+    """Check the bound J >= (mean absolute difference)^2: R6 goes from 96 to 122 deg^2, up in eight of ten subjects."""
     for angles, (before, after, grew) in ((printed.ANGLES, (96, 122, 8)), (FIVE, (47, 29, 1))):
         least = [printed.least_mean_j_deg2(printed.gaps_deg(adapted), angles)[2] for adapted in (False, True)]
         assert [round(float(x.mean())) for x in least] == [before, after]
@@ -56,7 +56,7 @@ def test_six_angles_in_j_would_have_grown_with_r6():
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
-    """Three shipped subjects, one of them taken for a mean motion: the run and its tables."""
+    """Run and tables for three shipped subjects, one of them declared a mean motion."""
     home = tmp_path_factory.mktemp("compare")
     motions = read_motions(DATA_FILE)
     motions = motions.select(np.isin(motions.subject, motions.subjects[:3]))
@@ -110,7 +110,7 @@ def test_table_3_4_of_fits_made_by_hand():
     """A gap of 6 degrees in every angle and posture: mean 6.0, SD 0.0."""
     made = adaptations(motions_of(rising(2, 4), motion="abduction"), [load_model("R4")])
     rows = list(_mean_motions(made.fits[made.fits["adapted"] == 0], NAMES))
-    assert len(rows) == 2 * 6  # subjects, angles
+    assert len(rows) == 2 * 6  # 2 subjects, 6 angles
     assert {row[0] for row in rows} == {"Table 3.4"}
     np.testing.assert_allclose([row[-2:] for row in rows], [(6.0, 0.0)] * len(rows), atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""Distances of TS and AI: of closed postures the set's own, courses worked by hand, and the spread that noise gives."""
+"""Distances of TS and AI to the ellipsoid: the set's in closed postures; courses by hand; spread from noise."""
 
 import jax
 import numpy as np
@@ -14,16 +14,16 @@ from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
 
 CLOSED_MM = 1e-9
-"""What a posture fit promises."""
+"""Tolerance of a posture fit."""
 
 EXACT = 1e-12
-"""Sums of a few numbers of order 10."""
+"""Rounding of sums of a few numbers of order 10."""
 
 CHANCE = 0.06
-"""Relative: the SD of 14 postures times 300 repeats has an error of 1 %; six of them."""
+"""Relative tolerance, six SDs: the SD of 14 postures times 300 repeats has an error of 1 %."""
 
 NOISE_DEG = 0.05
-"""So small that the distances follow the errors in a straight line to a hundredth."""
+"""Noise so small that the distances are linear in the errors to a hundredth."""
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_closed_postures_have_the_distances_of_the_set(closed):
 
 
 def test_mean_sd_and_slope_of_distances_made_by_hand():
-    """Two motions, offsets 1 and 5, rise by 0.1 mm a degree; a third at one elevation says nothing of the slope."""
+    """Two motions, with offsets 1 and 5, rise by 0.1 mm per degree; a third at one elevation does not matter."""
     elevation = np.array([0.0, 40.0, 80.0, 10.0, 60.0, 90.0, 90.0, 0.0, 0.0])
     motion = np.array(["a", "a", "a", "b", "b", "c", "c", "d", "d"], object)
     subject = np.array(["one"] * 7 + ["still"] * 2, object)
@@ -58,7 +58,7 @@ def test_mean_sd_and_slope_of_distances_made_by_hand():
 
 
 def test_noise_alone_gives_the_spread_of_the_slopes_of_the_constraints(closed):
-    """Variance of A1 and A2 in a posture: s^2 |dg/dq|^2; of the slope: its share of it by the lever, squared."""
+    """Check the variance of A1 and A2 in a posture, s^2 |dg/dq|^2, and of the slope, as the sum with squared levers."""
     girdle, angles = closed
     subject, motion = np.full(14, "one", object), np.repeat(np.array(["a", "b"], object), 7)
     elevation = np.tile(np.linspace(0.0, 150.0, 7), 2)

@@ -1,4 +1,4 @@
-"""The least change of an ellipsoid that closes a posture: against SLSQP, by hand for the conoid, and of noise alone."""
+"""The smallest change of an ellipsoid that closes a posture: against SLSQP, by hand for the conoid, and for noise."""
 
 import jax
 import numpy as np
@@ -15,20 +15,20 @@ from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
 
 SD_MM = np.array([8.0, 7.0, 2.0, 13.0, 17.0, 2.0])
-"""R6 in Table 6.5."""
+"""SDs of R6 in Table 6.5."""
 
 CLOSED_MM = 1e-9
-"""What the change promises."""
+"""Constraint tolerance of ``least_change``."""
 
 SLSQP = 1e-6
-"""Relative, of |delta / SD|^2."""
+"""Relative tolerance of |delta / SD|^2."""
 
 SMALL_DEG = 0.02
-"""Noise so small that the change follows the errors in a straight line to a hundredth."""
+"""Noise so small that the change is linear in the errors to a hundredth."""
 
 CHANCE = 0.12
-"""Relative: a mean square of 400 numbers has an error of 7 % at most where one error dominates, over 14 postures less
-than 2 %; six of them."""
+"""Relative tolerance, six SDs. A mean square of 400 numbers has an error of at most 7 % where one error dominates; over
+14 postures it is less than 2 %."""
 
 
 @pytest.fixture(scope="module")
@@ -90,11 +90,11 @@ def test_a_posture_without_numbers_has_no_change_and_a_word_and_leaves_the_other
 
 
 def test_noise_alone_gives_the_foreseen_course(closed):
-    """Mean square of every parameter in every posture, no neighbours alike, and nothing smooth."""
+    """Check the mean square of every parameter in every posture, no correlation of neighbours, and no smooth share."""
     girdle, angles = closed
     foreseen = foreseen_square_sd(girdle, angles, SMALL_DEG, SD_MM)
     errors = SMALL_DEG / DEG * np.random.default_rng(7).standard_normal((400, *angles.shape))
-    measured = np.moveaxis(angles + errors, 0, 1).reshape(6, -1)  # all of them at once
+    measured = np.moveaxis(angles + errors, 0, 1).reshape(6, -1)  # one batch of all repeats
     every = jax.tree.map(lambda x: np.tile(x, 400), girdle)
     found = np.moveaxis(least_change(every, measured, SD_MM).in_sd.reshape(6, 400, -1), 1, 0)
     squares = (found**2).mean(axis=0)

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportAssignmentType=false
-# (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The questions of chapter 7: who is a person, intervals by hand, the courses, and a run on simulated subjects."""
+# (pandas types nearly every result as "Series | DataFrame | scalar")
+"""The questions of chapter 7: persons and their sides, intervals and courses by hand, and a whole run."""
 
 from dataclasses import replace
 
@@ -76,7 +76,7 @@ def test_changes_are_in_units_of_table_6_5_where_it_has_the_set():
 
 @pytest.fixture(scope="module")
 def three(tmp_path_factory):
-    """Three shipped subjects, who follow the rhythm from a rest of their own with 1.5 deg of noise."""
+    """Three shipped subjects, who follow the rhythm from individual rest postures with 1.5 deg of noise."""
     motions = read_motions(DATA_FILE)
     file = tmp_path_factory.mktemp("questions") / "three.csv"
     write_motions(motions.select(np.isin(motions.subject, motions.subjects[:3])), file)

@@ -1,4 +1,4 @@
-"""The rhythm's prediction of measured motions: worked by hand, the plane read or mapped, rest not scored."""
+"""Prediction of measured motions by the rhythm: worked by hand, with planes read or mapped, and rest left unscored."""
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from motions.rhythm import COEFFICIENTS, REST_DEG
 from motions.table import Motions
 
 EXACT_DEG = 1e-10
-"""The same arithmetic on other shapes of arrays."""
+"""Rounding of the same arithmetic on arrays of other shapes."""
 
 
 def table(names, elevation, angles, **extra) -> Motions:

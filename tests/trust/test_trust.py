@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false
 # pyright: reportIndexIssue=false
-# (pandas and SciPy say "this or that" of nearly every result)
-"""The uncertainty of adapted parameters, against other engines and cases worked by hand. All subjects are simulated."""
+# (pandas and SciPy type nearly every result as "this or that")
+"""Uncertainty of adapted parameters, against independent code and cases worked by hand. All subjects are simulated."""
 
 from dataclasses import dataclass, replace
 
@@ -44,19 +44,20 @@ from motions.rotations import DEG
 SUBJECTS = 4
 
 STEP_DEG = 0.05
-"""By how much a measured angle is changed to see theta follow: differences to 1e-4 of themselves, E's third order."""
+"""Step of a measured angle for differences of theta; the third order of E changes them by 1e-4 of their size."""
 
 FOLLOWS = 2e-3
-"""Relative to the largest: a central difference over that step, of optima exact to 1e-8 mm^2 a mm of slope."""
+"""Relative to the largest: a central difference over that step, of optima exact to 1e-8 mm^2 per mm of slope."""
 
 SAME_THETA_MM = 1e-6
-"""Two adaptations to the same postures from starts that differ: the slope tolerance, 1e-8, over the curvature."""
+"""Tolerance between adaptations from different starts: slope tolerance, 1e-8, over curvature."""
 
 REPLICATES = 128
 
 SAME_SPREAD = 0.25
-"""|ln| of two SDs: 128 repetitions give theirs to 13 % at two SDs; the rest is what E has beyond a parabola. One
-subject alone may be farther off in M_y and A_y, which are flat: there the mean over the subjects counts."""
+"""Tolerance for |ln| of the ratio of two SDs: 128 repetitions determine theirs to 13 % at two SDs; E is not exactly a
+parabola either. A single subject may differ more in M_y and A_y, which are flat: there the mean over subjects
+counts."""
 
 FIRM = [1, 4, 5]
 """M_z, A_z and the conoid."""
@@ -64,7 +65,7 @@ FIRM = [1, 4, 5]
 
 @dataclass(frozen=True)
 class Case:
-    """Simulated subjects, adapted."""
+    """Simulated subjects with their adaptations."""
 
     model: ParameterSet
     motions: Motions
@@ -88,7 +89,7 @@ def case() -> Case:
 
 
 def test_the_optimum_follows_the_measured_angles_as_the_derivative_says(case):
-    """dtheta/ds = -H^-1 B against adaptations to measurements that differ by a twentieth of a degree."""
+    """Check dtheta/ds = -H^-1 B against adaptations to measurements that differ by a twentieth of a degree."""
     curved = case.found.curvature
     slope = -np.linalg.solve(
         np.moveaxis(curved.of_points + curved.of_motion, -1, 0), np.moveaxis(curved.by_angle, -1, 0).reshape(4, 6, -1)
@@ -105,7 +106,7 @@ def test_the_optimum_follows_the_measured_angles_as_the_derivative_says(case):
 
 
 def test_the_curvature_of_the_points_is_that_of_the_other_engine(case):
-    """H_D by SciPy's finite differences of D, twice, with distances by Brent's method."""
+    """Check H_D against SciPy's finite differences of D, twice, with distances by Brent's method."""
     girdle = bones(case.model.girdle)
 
     def D(theta):
@@ -119,7 +120,7 @@ def test_the_curvature_of_the_points_is_that_of_the_other_engine(case):
 
 
 def test_curvature_of_the_motion_is_the_rise_of_e(case):
-    """E a little off the optimum, the postures fitted anew: 1/2 v' H v more, in flat and stiff directions."""
+    """Check E beside the optimum, with refitted postures: a rise of 1/2 v' H v, in flat and stiff directions."""
     H = case.found.curvature.of_points + case.found.curvature.of_motion
     for problem in range(SUBJECTS):
         values, directions = np.linalg.eigh(H[..., problem])
@@ -138,7 +139,7 @@ def test_curvature_of_the_motion_is_the_rise_of_e(case):
 
 
 def test_the_noise_part_is_what_repeated_measurements_scatter_by(case):
-    """A parametric bootstrap: the closed postures of each adapted subject with other errors, adapted anew."""
+    """Check by a parametric bootstrap: closed postures of each adapted subject with new errors, adapted anew."""
     _, postures, count = case.adapted.angles.shape
     problem = np.tile(np.arange(count), REPLICATES)
     errors = np.random.default_rng(3).standard_normal((REPLICATES, count, 6, postures))
@@ -153,7 +154,7 @@ def test_the_noise_part_is_what_repeated_measurements_scatter_by(case):
 
 
 def test_noise_of_no_subject_is_no_uncertainty(case):
-    """Angles that the adapted chain takes exactly, by an ellipsoid that is the points': only Sigma is left."""
+    """Check both parts of the covariance: no noise where the chain takes the angles exactly, no person at Sigma = 0."""
     exact = select_problems(case.data, np.arange(4), angles=np.asarray(case.adapted.angles))
     adapted = case.adapted._replace()
     found = uncertainty(exact, adapted)
@@ -166,20 +167,20 @@ def test_noise_of_no_subject_is_no_uncertainty(case):
 
 
 def test_points_alone_forbid_everything_and_motion_alone_nothing(case):
-    """w -> 0: theta is the points', as far off as the person is from them. The conoid has no points."""
+    """Check w -> 0, where theta comes from the points alone, and has the person's Sigma. The conoid has no points."""
     tiny = uncertainty(case.data, case.adapted._replace(weight=np.full(4, 1e-9)))
     np.testing.assert_allclose(tiny.points_share[:5], 1.0, rtol=0.0, atol=1e-5)
-    # Of the geometric fit itself, where D has no residual, what is left is Sigma.
+    # At the geometric fit, where D has no residual, only Sigma remains.
     own_mm = np.asarray(case.data.girdle.adapted_mm)
     own = uncertainty(case.data, case.adapted._replace(theta_mm=own_mm, weight=np.full(4, 1e-9)))
     np.testing.assert_allclose(sd(own.person_mm2)[:5], PERSON_SD_MM[:5, None] * np.ones(4), rtol=1e-3)
     huge = uncertainty(case.data, case.adapted._replace(weight=np.full(4, 1e9)))
-    # The motion's information along its flattest direction is 1e-8 of that along the stiffest.
+    # The information of the motion in its flattest direction is 1e-8 of that in the stiffest.
     np.testing.assert_allclose(huge.points_share, 0.0, rtol=0.0, atol=1e-2)
 
 
 def test_a_parameter_at_its_bound_may_be_anywhere_between_them_and_takes_others_along(case):
-    """M_y held at a bound 10 mm from where it is: a uniform deviation has W / sqrt(3) about an end, and A_y follows."""
+    """Check M_y at a bound 10 mm off: a uniform deviation from one end has an SD of W / sqrt(3), and A_y follows."""
     bounds = np.array(case.data.bounds_mm)
     bounds[0, 0] = case.adapted.theta_mm[0] + 10.0
     narrow = select_problems(case.data, np.arange(4), bounds_mm=bounds)
@@ -188,7 +189,7 @@ def test_a_parameter_at_its_bound_may_be_anywhere_between_them_and_takes_others_
     found = uncertainty(narrow, adapted)
     np.testing.assert_allclose(found.sd_mm[0], (bounds[1] - bounds[0])[0] / np.sqrt(3.0))
     assert np.isnan(found.points_share[0]).all()
-    # A_y follows M_y as the two optima, 10 mm of M_y apart, show.
+    # The two optima, 10 mm of M_y apart, show how A_y follows M_y.
     seen = (adapted.theta_mm[3] - case.adapted.theta_mm[3]) / 10.0
     told = found.bound_mm2[0, 3] / found.bound_mm2[0, 0]
     np.testing.assert_allclose(told, seen, rtol=0.5)
@@ -196,11 +197,11 @@ def test_a_parameter_at_its_bound_may_be_anywhere_between_them_and_takes_others_
 
 
 def test_what_nothing_holds_is_held_by_its_bounds_alone(case):
-    """Two places drawn at random in an interval of length W differ by W / sqrt(6); what is firm stays as it is."""
+    """Check loose parameters: two uniform values in an interval of length W differ by W / sqrt(6); firm ones stay."""
     everybody = uncertainty(case.data, case.adapted, person_sd_mm=np.full(6, 1e6))
     room_mm = np.subtract(*np.asarray(case.data.bounds_mm)[::-1]) / np.sqrt(6.0)
     assert (everybody.sd_mm <= room_mm + 1e-9).all()
-    assert (everybody.sd_mm[0] >= 0.7 * room_mm[0]).all()  # the bounds of A_y, which M_y goes with, hold it, too
+    assert (everybody.sd_mm[0] >= 0.7 * room_mm[0]).all()  # bounds of A_y limit the correlated M_y too
     firm = uncertainty(case.data, case.adapted, person_sd_mm=np.zeros(6))
     np.testing.assert_allclose(firm.sd_mm[FIRM], sd(firm.noise_mm2)[FIRM], rtol=0.02)
     two = np.zeros((6, 6, 1))
@@ -213,7 +214,7 @@ def test_what_nothing_holds_is_held_by_its_bounds_alone(case):
 
 
 def test_without_an_angle_to_spare_nothing_is_said_of_the_noise(case):
-    """Three angles a posture, which three degrees of freedom follow: no noise, no interval, no direction."""
+    """Check three angles per posture, which three degrees of freedom follow: no noise, no interval, no direction."""
     few = np.array(case.data.measured)
     few[[2, 4, 5]] = False
     found = uncertainty(select_problems(case.data, np.arange(SUBJECTS), measured=few), case.adapted)
@@ -229,7 +230,7 @@ def test_a_reduced_inverse_by_hand():
     whole[:3, :3] = matrix
     free = np.array([True, False, True, True, True, True])
     both = reduced_inverse(np.stack([whole, -whole], axis=-1), np.stack([free, free], axis=-1))
-    assert both[0, 0, 0] == 0.25  # 1 / 4: the other is fixed, so its coupling is gone
+    assert both[0, 0, 0] == 0.25  # 1 / 4: the second parameter is fixed, so its coupling does not count
     assert both[1, 1, 0] == 0.0
     assert both[2, 2, 0] == 0.5
     assert np.isnan(both[0, 0, 1])  # a maximum has no spread
@@ -239,7 +240,7 @@ def test_a_reduced_inverse_by_hand():
 
 
 def test_profile_intervals_are_the_parabola_where_e_is_one_and_longer_where_it_is_flat(case):
-    """At a tenth of the spread E is a parabola about its optimum, and the profile's ends are those of the curvature."""
+    """Check at a tenth of the spread, where E is a parabola: the profile ends where the curvature says."""
     small = uncertainty(case.data, case.adapted, person_sd_mm=0.1 * PERSON_SD_MM)
     small = replace(small, covariance_mm2=0.01 * small.noise_mm2 + small.person_mm2)
     profile = profile_intervals(case.data, case.adapted, small, np.ones((6, SUBJECTS), bool))
@@ -254,7 +255,7 @@ def test_profile_intervals_are_the_parabola_where_e_is_one_and_longer_where_it_i
 
 
 def test_a_flat_direction_is_named_with_its_sizes():
-    """SD 20 along (0.8, 0, 0, -0.6, 0, 0) and 1 in all others."""
+    """SD 20 along (0.8, 0, 0, -0.6, 0, 0) and 1 in all other directions."""
     v = np.array([0.8, 0.0, 0.0, -0.6, 0.0, 0.0])
     covariance = np.eye(6) + (20.0**2 - 1.0) * np.outer(v, v)
     assert flat_directions(covariance) == ["M_y and A_y only together: 16 mm against 12 mm"]
@@ -272,7 +273,7 @@ def test_a_loose_parameter_is_named_alone_and_a_firm_one_not():
 
 
 def test_postures_held_out_have_no_part_in_the_adaptation(case):
-    """One third held out, then spoilt by 40 degrees: the same girdle; its gap on them, and only it, is spoilt."""
+    """Check one third held out, then spoilt by 40 degrees: only its own gap changes."""
     batch = posture_rows(case.motions)
     fold = next(fold for fold in motions_and_thirds(case.motions) if fold.kind == POSTURES)
     clean = held_out(case.data, batch, [fold])
@@ -287,7 +288,7 @@ def test_postures_held_out_have_no_part_in_the_adaptation(case):
 
 
 def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
-    """Over both motions together every posture is looked at once, and its gap is that of the adaptation itself."""
+    """Check the gap over both motions: every posture counts once, with the gap of the adaptation itself."""
     result = adapt_subjects(case.motions, case.model, held_out=case.motions.subjects[:2])
     assert set(result.heldout["subject"]) == set(case.motions.subjects[:2])
     seen = by_subject(result.heldout)
@@ -296,12 +297,12 @@ def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
         off = np.abs(case.adapted.angles[..., problem] - np.asarray(case.data.angles)[..., problem])[:, counted] * DEG
         for bone, angles in (("", slice(0, 6)), ("clavicle_", slice(0, 3)), ("scapula_", slice(3, 6))):
             assert seen[f"{bone}gap_in_sample_deg"][problem] == pytest.approx(off[angles].mean(), abs=1e-6)
-    # What was held out is fitted by a girdle that knew less.
+    # A held-out motion is fitted by a girdle that was adapted without it.
     assert (seen["gap_unseen_deg"] > seen["gap_in_sample_deg"]).all()
 
 
 def test_every_subject_has_a_held_out_gap_unless_nobody_shall(case):
-    """Two motions of each: both are held out; without, only the columns of the gap that was not looked at are empty."""
+    """Check two held-out motions per subject; with none held out, only the columns of the held-out gap are empty."""
     short = case.motions.select(np.isin(case.motions.subject, case.motions.subjects[:2]))
     result, spared = (adapt_subjects(short, case.model, **options) for options in ({}, {"held_out": ()}))
     assert len(result.heldout) == 2 * 2
@@ -316,7 +317,7 @@ def test_every_subject_has_a_held_out_gap_unless_nobody_shall(case):
 
 
 def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_smallest_held_out_gap(case):
-    """Of optima of D + w J a larger w has no larger J and no smaller D; the thesis's w is the adaptation itself."""
+    """Check optima of D + w J: a larger w has no larger J and no smaller D. The thesis's w is the adaptation itself."""
     batch, folds = posture_rows(case.motions), motions_and_thirds(case.motions)
     table = weight_table(case.data, batch, [case.model.name], folds, weights=(0.1, 10.0, 1000.0))
     assert table["weight"].tolist() == [0.1, 10.0, 1000.0]
@@ -328,7 +329,7 @@ def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_
     assert of_thesis["j_rms_deg"] == pytest.approx(np.sqrt(case.adapted.mean_j_deg2.mean()))
     motions_alone = [fold for fold in folds if fold.kind == MOTION]
     gaps = np.concatenate(held_out(case.data, batch, motions_alone).gaps_deg, axis=1)
-    assert of_thesis["gap_unseen_deg"] == pytest.approx(np.nanmean(gaps), rel=1e-9)  # all motions are of one length
+    assert of_thesis["gap_unseen_deg"] == pytest.approx(np.nanmean(gaps), rel=1e-9)  # all motions have the same length
     assert table["best"].tolist() == [int(gap == table["gap_unseen_deg"].min()) for gap in table["gap_unseen_deg"]]
 
 
@@ -336,7 +337,7 @@ def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_
 
 
 def test_the_command_writes_its_tables(tmp_path):
-    """Two shipped, simulated subjects: files, one row each, and what the terminal says of them."""
+    """Check two shipped (simulated) subjects: files, their numbers of rows, and the output in the terminal."""
     lines = DATA_FILE.read_text().splitlines()[: 1 + 14 * 2]
     ended = girdle("trust", written(tmp_path, lines), "--model", "R6", "--choose-weight", "--out", tmp_path / "out")
     assert (ended.status, ended.messages) == (0, [])
@@ -358,7 +359,7 @@ def test_the_command_writes_its_tables(tmp_path):
     assert (spread["low_mm"] <= spread["adapted_mm"]).all()
     assert (spread["adapted_mm"] <= spread["high_mm"]).all()
     assert np.array_equal(spread["interval"] == BOUNDS, spread["at_bound"] == 1)
-    forbidden = table["trust"]["points_forbid"].dropna()  # without a value where w x 1000 did not converge
+    forbidden = table["trust"]["points_forbid"].dropna()  # empty where w x 1000 did not converge
     assert len(forbidden) >= 1
     assert forbidden.between(0.0, 1.0).all()
     assert table["weights"]["weight"].tolist() == list(WEIGHTS)

@@ -2,6 +2,7 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Run of ``girdle check``: do the landmarks fit one bone, and how do two measurements of a bone differ?"""
 
+import warnings
 from pathlib import Path
 
 import pandas as pd
@@ -15,7 +16,7 @@ from adapt.output.run_files import inputs_record, results_folder, transaction, w
 from adapt.tables.landmark_tables import distances_table, motions_table, thorax_of_landmarks, two_tables
 from motions import InputError
 from motions.checks.trial import NEEDED, against_global, slipped, sound_landmarks
-from motions.errors import warn_input
+from motions.errors import InputWarning, warn_input
 from motions.formats.landmark_sets import LandmarkSet, read_landmark_sets
 from motions.landmarks.mapping import MIDDLES, Mapping, read_mapping
 from motions.landmarks.sampled_postures import THORAX_COLUMNS
@@ -68,19 +69,22 @@ def differences_of_two(file: Path, other: Path, mapping: Mapping) -> tuple[pd.Da
         raise InputError(str(other), None, str(error), f"Name its points as in {file}; at most 16 a bone") from error
 
 
-def unsound(own: LandmarkSet, file: str) -> list[InputError]:
-    """List impossible landmarks and landmark outliers as errors; none for points that are no shoulder landmarks."""
+def unsound(own: LandmarkSet, file: str) -> list[str]:
+    """List impossible landmarks, jumps and landmark outliers; none for points that are no shoulder landmarks."""
     needed = [name for name in NEEDED if name not in MIDDLES]
     if not set(needed) <= set(own.points_mm):
         return []
-    try:
-        slips = slipped(sound_landmarks(own.points_mm, own.subject, file))
-    except InputError as error:
-        return [error]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", InputWarning)
+        try:
+            slips = slipped(sound_landmarks(own.points_mm, own.subject, file))
+        except InputError as error:
+            return [str(error)]
     remedy = "Palpate it again, or leave the posture out"
     where = {name: ", ".join(own.postures[k] for k in rows) for name, rows in slips.items()}
     causes = [f"{own.subject}: {name} slipped in posture {said}" for name, said in where.items()]
-    return [InputError(file, None, cause, remedy) for cause in causes]
+    said = [str(one.message) for one in caught if isinstance(one.message, InputWarning)]
+    return [*said, *(str(InputError(file, None, one, remedy)) for one in causes)]
 
 
 def _print_tables(

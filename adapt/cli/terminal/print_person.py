@@ -31,5 +31,9 @@ def print_persons(console: Console, written: Sequence[Written]) -> None:
     )
     first = written[0].path
     where = str(first) if len(written) == 1 else f"{first.parent}, {len(written)} files"
-    names = f"; its name is {printable(written[0].subject)} (--subject gives another)" if len(written) == 1 else ""
+    names = (
+        f"; its name is {printable(written[0].subject)} (--subject is for files without names)"
+        if len(written) == 1
+        else ""
+    )
     console.print(f"{where} written{names}", soft_wrap=True)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from adapt.diagnosis.result import ADAPTED_STEP, Cause, CauseAmplitude, Diagnosis, Proposal
+from adapt.diagnosis.result import ADAPTED_STEP, POSITIONS, Cause, CauseAmplitude, Diagnosis, Proposal
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
     cause_names,
@@ -51,7 +51,7 @@ _AS = {
 """Movement of the bone when the angle grows."""
 
 _TESTED = {
-    "positions": "measured positions",
+    POSITIONS: "measured positions",
     "other_motion": "held-out motions",
     "other_person": "held-out persons",
     "evidence": "the evidence alone: a constant that all have in common",

@@ -19,6 +19,7 @@ from adapt.diagnosis.result import (
     Interval,
     Verdict,
 )
+from adapt.tables.positions_table import ADAPTED, WITH_CAUSES
 from models.effects.effect import cause_of
 
 MOST_WORDS = 30
@@ -43,12 +44,19 @@ def sentence(diagnosis: Diagnosis) -> str:
         return _without_cause(diagnosis)
     before, with_effect, floor = _levels(diagnosis, "own_bones", "with_effect")
     levels = diagnosis.gaps.hardest
-    verb = "shrinks" if levels["with_effect"][ALL].value < levels["own_bones"][ALL].value else "goes"
-    gap = f"the gap of {subjects_text(diagnosis)} on {held_out_kind_text(diagnosis.gaps)}"
-    start, end = f"Beyond {OWN} {gap} {verb} from {before} to {with_effect} deg with", f"noise alone leaves {floor}."
+    shrinks = levels["with_effect"][ALL].value < levels["own_bones"][ALL].value
     too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
-    *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
-    return next((one for one in said if len(one.split()) <= MOST_WORDS), shortest)
+    names = list(_ever_shorter(diagnosis.verdict, too_large))
+    subjects, change = subjects_text(diagnosis), f"from {before} to {with_effect} deg"
+    end = f"noise alone leaves {floor}."
+    said = []
+    if not shrinks and diagnosis.verdict.rests_on_positions and (apart := diagnosis.positions.other_motion):
+        after, before = number(apart[WITH_CAUSES]), number(apart[ADAPTED])
+        off = f"landmarks of held-out motions are {after} mm off (adapted {before})"
+        said = [f"Positions show {one}: {off}; the gap of {subjects} goes {change}, {end}" for one in names]
+    start = f"Beyond {OWN} the gap of {subjects} on {held_out_kind_text(diagnosis.gaps)}"
+    said += [f"{start} {'shrinks' if shrinks else 'goes'} {change} with {one}; {end}" for one in names]
+    return next((one for one in said if len(one.split()) <= MOST_WORDS), said[-1])
 
 
 def _without_cause(diagnosis: Diagnosis) -> str:

@@ -1,1 +1,1 @@
-"""Is a wrong landmark, a wrong sign or a swap named, and a sound trial left alone?"""
+"""Does `girdle` name a wrong landmark, a wrong sign or a swap, and leave a correct trial alone?"""

@@ -1,4 +1,4 @@
-"""Simulated trials of one shoulder, and what goes wrong with landmarks and angles; the truth of each is kept."""
+"""Simulated trials of one shoulder, with known faults in their landmarks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,24 +21,24 @@ THORAX_MM = {
     "C7": (0.0, 50.0, 125.0),
     "T8": (0.0, -150.0, 155.0),
 }
-"""As the mean of thesis Table 4.2."""
+"""Thorax landmarks, mm: the mean of thesis Table 4.2."""
 
 IN_SCAPULA_MM = {"GH": (-10.0, -45.0, -15.0), "AA": (-8.0, -12.0, 32.0)}
 HUMERUS_MM, ELBOW_MM = 290.0, 33.0
-"""GH to the middle of the epicondyles; from there to one of them."""
+"""Distance from GH to the midpoint of the epicondyles, and from there to one of them."""
 
 SIZE_SD = 0.07
-"""Of persons, as a share; 160 to 190 cm of height are +- 9 %."""
+"""SD of the size of persons, as a share of it; heights of 160 to 190 cm are within +- 9 %."""
 
 REST_SD_DEG = 4.0
 NOISES_MM = (0.3, 0.5, 1.0, 2.0, 3.0)
 FRAMES = (12, 60, 200)
-"""Palpated, slow and fast."""
+"""Numbers of frames: a palpated, a slow and a fast trial."""
 
 
 @dataclass(frozen=True)
 class Sound:
-    """A trial without fault: landmarks in a laboratory's frame with noise, and what was simulated."""
+    """A trial without fault: landmarks in the laboratory frame with noise, the side, and the noise's SD."""
 
     lab_mm: Lab
     side: Side
@@ -46,7 +46,7 @@ class Sound:
 
 
 def sound_trial(rng: Generator, with_aa: bool) -> Sound:
-    """Simulate a person of some size whose arm is raised and lowered while the trunk sways in the laboratory."""
+    """Simulate a person of random size who raises and lowers an arm while the trunk sways in the laboratory."""
     frames, noise = int(rng.choice(FRAMES)), float(rng.choice(NOISES_MM))
     up = 0.5 * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, frames)))
     elevation = rng.uniform(5.0, 20.0) + rng.uniform(80.0, 125.0) * (
@@ -83,7 +83,7 @@ def _in_thorax(rng: Generator, elevation_deg: Float[np.ndarray, " frames"]) -> L
 
 
 def _humerus(plane, elevation, axial) -> Float[np.ndarray, "3 3 frames"]:
-    """Ry(plane) Rz(elevation) Ry(axial), radians."""
+    """Return Ry(plane) Rz(elevation) Ry(axial); angles in radians."""
     return np.einsum(
         "ijn,jkn,kln->iln",
         *(_turn(axis, *np.broadcast_arrays(a, elevation)) for axis, a in ((1, plane), (2, elevation), (1, axial))),
@@ -98,7 +98,7 @@ def _turn(axis: int, angle, like) -> Float[np.ndarray, "3 3 frames"]:
 
 
 def _sway(rng: Generator, frames: int):
-    """A frame of a laboratory, any axis up, in which the trunk leans and shifts by some centimetres."""
+    """Return a laboratory frame, with any axis up, in which the trunk leans and shifts by some centimetres."""
     t = np.linspace(0.0, 2.0 * np.pi, frames)
     leans = [np.radians(rng.uniform(2.0, 8.0)) * np.sin(t * rng.uniform(0.5, 2.0) + rng.uniform(0, 6)) for _ in "xyz"]
     R = np.einsum("ijn,jkn,kln->iln", *(_turn(axis, lean, t) for axis, lean in enumerate(leans)))
@@ -111,7 +111,7 @@ def _sway(rng: Generator, frames: int):
 
 @dataclass(frozen=True)
 class Corrupted:
-    """A trial with a fault, and what has to be named."""
+    """A trial with a fault, and the landmarks that the program has to name."""
 
     kind: str
     lab_mm: Lab
@@ -119,7 +119,7 @@ class Corrupted:
     noise_mm: float
     sound_mm: Lab
     wrong: tuple[str, ...]
-    """Landmarks that are wrong."""
+    """Names of the faulty landmarks; ("axes",) where the whole trial is mirrored."""
     frames: slice
 
 
@@ -138,23 +138,23 @@ def _direction(rng: Generator):
 
 
 def ghost(rng: Generator, lab: Lab, name: str, frames: slice) -> Lab:
-    """Another reflection, which moves with the body 0.15 to 1.5 m away."""
+    """Replace the marker by another reflection, which moves with the body 0.15 to 1.5 m away."""
     return _moved(lab, name, frames, lab[name] + rng.uniform(150.0, 1500.0) * _direction(rng))
 
 
 def zero(rng: Generator, lab: Lab, name: str, frames: slice) -> Lab:
-    """Not seen, written as zeros or as a number that stands for it."""
+    """Replace the marker by zeros or by a number that stands for a missing position."""
     value = float(rng.choice([0.0, -16512.0, 9999999.0]))
     return _moved(lab, name, frames, np.full((3, 1), value))
 
 
 def constant(rng: Generator, lab: Lab, name: str, frames: slice) -> Lab:
-    """The last place where it was seen, held."""
+    """Hold the marker at its position in the first faulty frame."""
     return _moved(lab, name, frames, lab[name][:, frames][:, :1])
 
 
 def other_side(rng: Generator, lab: Lab, name: str, frames: slice) -> Lab:
-    """The same landmark of the other shoulder, whose arm hangs: mirrored in the midline, as in the first frame."""
+    """Replace the landmark by its mirror image in the first frame: the one of the other shoulder, whose arm hangs."""
     IJ, C7, middle = lab["IJ"], lab["C7"], (lab["PX"] + lab["T8"]) / 2.0
     across = np.cross(C7 - IJ, middle - IJ, axis=0)
     across = across / np.linalg.norm(across, axis=0)
@@ -166,12 +166,12 @@ def other_side(rng: Generator, lab: Lab, name: str, frames: slice) -> Lab:
 
 
 def spike(rng: Generator, lab: Lab, name: str, frames: slice) -> Lab:
-    """A jump of 100 to 400 mm."""
+    """Move the marker by 100 to 400 mm."""
     return _moved(lab, name, frames, lab[name] + rng.uniform(100.0, 400.0) * _direction(rng))
 
 
 def unit(rng: Generator, lab: Lab, name: str, frames: slice) -> Lab:
-    """One marker in cm or m, of a file that was put together."""
+    """Scale one marker to cm or m, as in a file merged from several."""
     return _moved(lab, name, frames, lab[name] * float(rng.choice([0.1, 0.001])))
 
 
@@ -182,7 +182,7 @@ _MIDLINE = ("IJ", "PX", "C7", "T8")
 
 
 def corrupted_trial(rng: Generator, kind: str) -> Corrupted:
-    """Simulate a trial with a fault of this kind, in a landmark and in frames that are drawn."""
+    """Simulate a trial with a fault of this kind, in a landmark and in frames drawn at random."""
     with_aa = bool(rng.random() < 0.3)
     sound = sound_trial(rng, with_aa)
     names = [name for name in sound.lab_mm if kind != "other_side" or name not in _MIDLINE]

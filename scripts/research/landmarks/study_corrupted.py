@@ -1,10 +1,10 @@
-"""Of corrupted trials, how many are named, how many pass in silence, and how many sound ones raise an alarm?
+"""How many corrupted trials are named, how many pass in silence, and how many correct trials raise an alarm?
 
     .venv/bin/python scripts/research/landmarks/study_corrupted.py --trials 2000 --seed 1
 
-A trial counts where its fault changes an angle by more than 5 degrees in a frame. It is named where a message has one
-of the wrong landmarks, or the sign; blamed alone where no sound landmark is named beside it; silent where it is not
-named and a posture that is written has such an error.
+A trial counts where its fault changes an angle by more than 5 degrees in a frame. The fault is "named" where a message
+names one of the faulty landmarks, or the sign; "alone" where no message names a correct landmark as well; "silent"
+where the fault is not named and a posture in the output has such an error.
 """
 
 import argparse
@@ -42,7 +42,7 @@ SIGNS = (
 COUNTED = ("named", "alone", "silent")
 
 NOISE_DEG = 1.5
-"""Of an angle, where signs are turned round."""
+"""SD of the noise of an angle in trials with reversed signs."""
 
 _COMPARED = [0, 1, 3, 4, 5, 6]
 
@@ -54,7 +54,7 @@ _BLAMES = re.compile(
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one trial."""
+    """Outcome of one trial."""
 
     kind: str
     noise: float
@@ -66,7 +66,7 @@ class Result:
 
 
 def messages(lab_mm, side: Side, at_deg: tuple[float, ...] = ()) -> tuple[list[str], Motions | None]:
-    """Convert a trial, and give what is said."""
+    """Convert a trial; return all messages, and the motions if the conversion succeeded."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", InputWarning)
         try:
@@ -81,19 +81,19 @@ def messages(lab_mm, side: Side, at_deg: tuple[float, ...] = ()) -> tuple[list[s
 
 
 def blamed(said: list[str]) -> set[str]:
-    """Give the landmarks that the messages blame."""
+    """Return the landmarks that the messages blame."""
     found = [word for text in said for match in _BLAMES.findall(text) for part in match for word in part.split()]
     return set(found) & set(MARKERS)
 
 
 def errors_deg(found: Float[np.ndarray, "frames 7"], true: Float[np.ndarray, "frames 7"]):
-    """Compute the largest error of an angle in each frame, but for the axial rotation, which is an estimate."""
+    """Compute the largest error of an angle in each frame, except the clavicle's axial rotation, an estimate."""
     turned = np.abs((found - true + 180.0) % 360.0 - 180.0)
     return np.nanmax(np.where(np.isnan(turned), 0.0, turned)[:, _COMPARED], axis=1)
 
 
 def angles_of(lab_mm, side: Side) -> Float[np.ndarray, "frames 7"] | None:
-    """Compute the six angles and the elevation without any check but that of the side; None where it refuses."""
+    """Compute the six angles and the elevation, checking only the side; None where that check refuses the trial."""
     try:
         with np.errstate(all="ignore"):
             found = frame_angles(lab_mm, side, "t")
@@ -103,7 +103,7 @@ def angles_of(lab_mm, side: Side) -> Float[np.ndarray, "frames 7"] | None:
 
 
 def judge(rng: Generator, kind: str) -> Result:
-    """Corrupt a trial, convert it, and compare."""
+    """Corrupt a trial, convert it, and compare the messages and angles with the truth."""
     one = corrupted_trial(rng, kind)
     true, changed = angles_of(one.sound_mm, one.side), angles_of(one.lab_mm, one.side)
     assert true is not None
@@ -112,7 +112,7 @@ def judge(rng: Generator, kind: str) -> Result:
     blame = blamed(said)
     wrong = found is not None and _is_wrong(found, true)
     named = bool(blame & set(one.wrong)) or (kind == "mirrored" and any("left-handed" in text for text in said))
-    named = named or (kind == "zero" and not wrong)  # a gap like any other: the angles are empty
+    named = named or (kind == "zero" and not wrong)  # as in any other gap of the recording, the angles are empty
     alone = kind == "mirrored" or blame <= set(one.wrong)
     return Result(
         kind, one.noise_mm, bool(counts), named, alone, wrong and not named, f"{one.wrong} {one.frames} {said}"
@@ -120,13 +120,13 @@ def judge(rng: Generator, kind: str) -> Result:
 
 
 def _is_wrong(found: Motions, true: Float[np.ndarray, "frames 7"]) -> bool:
-    """Tell whether a posture that is written has an angle that is wrong by more than LARGE_DEG."""
+    """Check whether a posture in the output has an angle that is wrong by more than LARGE_DEG."""
     written = np.concatenate([found.angles_deg, found.humerus_elevation_deg[:, None]], axis=1)
     return bool(errors_deg(written, true[found.posture - 1]).max() > LARGE_DEG)
 
 
 def judge_signs(rng: Generator, angles: tuple[str, ...]) -> Result:
-    """Turn signs round in the angles of a trial, with noise."""
+    """Reverse the signs of some angles of a trial with noise, and check whether the messages name them."""
     motions = _angles(rng)
     flip = np.where(np.isin(ANGLES, angles), -1.0, 1.0)
     turned = Motions(**{**vars(motions), "angles_deg": motions.angles_deg * flip})
@@ -157,7 +157,7 @@ def _said_of(motions: Motions) -> list[str]:
 
 
 def corrupted_results(trials: int, seed: int) -> Iterator[Result]:
-    """Judge so many trials, the kinds in turn; a trial depends on its number and the seed alone."""
+    """Judge so many trials, cycling through the kinds; a trial depends on its number and the seed alone."""
     every = (*KINDS, *SIGNS)
     for k, part in enumerate(SeedSequence(seed).spawn(trials)):
         kind, rng = every[k % len(every)], default_rng(part)
@@ -165,7 +165,7 @@ def corrupted_results(trials: int, seed: int) -> Iterator[Result]:
 
 
 def sound_alarms(trials: int, seed: int, at_deg: tuple[float, ...] = ()) -> dict[float, list[str]]:
-    """Convert sound trials; by noise, what is said of each, empty where nothing is."""
+    """Convert correct trials; return the messages of each, by noise; the text is empty where there is no message."""
     found: dict[float, list[str]] = {}
     for k, part in enumerate(SeedSequence(seed).spawn(trials)):
         rng = default_rng(part)
@@ -176,7 +176,7 @@ def sound_alarms(trials: int, seed: int, at_deg: tuple[float, ...] = ()) -> dict
 
 
 def table(results: list[Result]) -> pd.DataFrame:
-    """Count by kind, of those that change an angle."""
+    """Count the outcomes by kind, over the trials whose fault changes an angle."""
     rows = []
     for kind in [*dict.fromkeys(one.kind for one in results), "all"]:
         mine = [one for one in results if one.counts and kind in (one.kind, "all")]

@@ -1,9 +1,9 @@
-"""Are the signs of people of other generators left alone, and named where they are turned round?
+"""Do the sign checks leave the people of other simulators alone, and name every angle whose sign is reversed?
 
     .venv/bin/python scripts/research/landmarks/study_signs.py
 
-People are simulated by the worlds of the blind check, with causes at work and without, and by the published rhythm. An
-angle turned round counts where it changes by more than 5 degrees.
+The worlds of the blind check simulate people, with active causes and without, and so does the published rhythm. A
+reversed angle counts where it changes by more than 5 degrees.
 """
 
 import argparse
@@ -38,7 +38,7 @@ CADAVERS_B = ("R2", "R4", "breteler_dissection")
 
 
 def people_a(name: str, folder: Path) -> Iterator[Motions]:
-    """Simulate people on a parameter set."""
+    """Simulate people on a parameter set (`synthetic_a`)."""
     for label, seeds in WORLDS_A.items():
         for seed in seeds:
             path = folder / "a.csv"
@@ -47,10 +47,10 @@ def people_a(name: str, folder: Path) -> Iterator[Motions]:
 
 
 def people_b(folder: Path) -> Iterator[Motions]:
-    """Simulate people whose course is that of bone pins."""
+    """Simulate people whose motion follows bone-pin measurements (`synthetic_b`)."""
     for label, seeds in WORLDS_B.items():
         for seed in seeds:
-            place = folder / "c" / f"{label}{seed}"  # the name is part of the seed
+            place = folder / "c" / f"{label}{seed}"  # the folder's name is part of the seed
             write_case(place, [] if label == "none" else [label], Case(CADAVERS_B[seed % 3], seed))
             yield from _each(read_motions(place / "motions.csv"))
 
@@ -61,7 +61,7 @@ def _each(motions: Motions) -> Iterator[Motions]:
 
 
 def judged(people: Iterable[Motions]) -> dict[str, int]:
-    """Count those with a warning, and of each angle turned round those without."""
+    """Count the people with a warning and, for each reversed angle, the people without a warning."""
     count, warned, turned, missed = 0, 0, 0, dict.fromkeys(ANGLES, 0)
     for one in people:
         courses = courses_of(one)
@@ -80,11 +80,11 @@ def _named(motions: Motions) -> set[str]:
 
 
 def main() -> None:
-    """Print the table: people, those warned of, signs turned round, and of each angle those that were missed."""
+    """Print the table: people, warned people, reversed signs, and the missed ones for each angle."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sets", nargs="*", default=list(SETS), help="of the first generator")
     arguments = parser.parse_args()
-    warnings.simplefilter("ignore")  # those of reading are what is counted here
+    warnings.simplefilter("ignore")  # warnings of the reader: the study counts them itself
     with tempfile.TemporaryDirectory() as folder:
         rows = {f"a, {name}": judged(people_a(name, Path(folder))) for name in arguments.sets}
         rows["b"] = judged(people_b(Path(folder)))

@@ -1,8 +1,8 @@
-"""The withheld-effect check: does the diagnosis name an effect that it has not been told of?
+"""The withheld-effect check: does the diagnosis name an effect that is hidden from it?
 
-`synthetic_a` makes simulated subjects with a hidden effect; the diagnosis sees their motion file alone; the
-truth is opened after the verdict. One line of JSON a case goes to FOLDER/cases.jsonl, and a rerun does only what is
-missing there. Everything is simulated, from the same parameter set that the diagnosis is given.
+`synthetic_a` makes simulated subjects with a hidden effect. The diagnosis sees their motion file alone, and the truth
+is opened after the verdict. Each case appends one line of JSON to FOLDER/cases.jsonl; a rerun does only the missing
+cases. Everything is simulated, with the same parameter set that the diagnosis is given.
 
     python scripts/research/named_causes/blind_check.py --out out/blind                 the reported study
     python scripts/research/named_causes/blind_check.py --out out/blind --report        its figures, once more
@@ -43,7 +43,7 @@ from scripts.research.named_causes.blind.runs import Line, read_lines, run_missi
 
 
 def examine(case: Case) -> Line:
-    """The verdict on a case's world, and only then the truth."""
+    """Diagnose the world of a case, and only then add the truth to the line."""
     world, model, how = world_of(case), load_model(case.model), CONDITIONS[case.condition]
     effects = tuple(e for e in EFFECTS.values() if _in_library(how, at_work=cause_of(e.name) == case.label))
     with tempfile.TemporaryDirectory() as folder:
@@ -74,7 +74,7 @@ def _conditions(names: Sequence[str]) -> list[str]:
 
 
 def _lines(path: Path, conditions: Sequence[str], seeds: range, labels: Sequence[str]) -> list[Line]:
-    """The lines asked for."""
+    """Read the lines of these conditions, seeds and labels."""
     found = (line for line in read_lines(path) if line["condition"] in conditions and line["seed"] in seeds)
     return [line for line in found if line["label"] in labels or not labels]
 

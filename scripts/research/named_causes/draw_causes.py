@@ -1,8 +1,8 @@
-"""What the gap of each cause looks like after adaptation: docs/causes.svg, and the same as a table on the terminal.
+"""Draw the gap that each cause leaves after adaptation: docs/causes.svg, and the same numbers as a table on stdout.
 
-Simulated: ten subjects a cause. Their girdle is the parameter set's with parameters of their own; one effect of its
-typical size is at work, and no noise. They are adapted with that set. The first row has no effect: what the thorax
-points, which are another person's, leave. It takes some minutes.
+Simulated: ten subjects per cause. Each has the girdle of the parameter set with six parameters of its own, one active
+effect of typical size, and no noise; then the set is adapted to the subjects. The first row has no effect: its gap
+comes from the thorax points, which are another person's. The script takes some minutes.
 
     python scripts/research/named_causes/draw_causes.py
 """
@@ -32,13 +32,13 @@ ELEVATIONS_DEG = ((0.0, 50.0), (50.0, 100.0), (100.0, 180.0))
 COLUMNS = (*(ANGLE_NAMES[angle] for angle in ANGLES), *(f"arm at {low:g}-{high:g}" for low, high in ELEVATIONS_DEG))
 NOTHING = "no cause"
 DARK = 0.6
-"""Share of the largest value from which white letters are read better."""
+"""Share of the largest value above which letters are white, for contrast."""
 
 app = typer.Typer(add_completion=False)
 
 
 def gaps_deg(model: ParameterSet, effect: Effect | None) -> Float[np.ndarray, " columns"]:
-    """Simulate an effect, adapt, and average |simulated - measured| by angle, and over the angles by elevation."""
+    """Simulate an effect, adapt, and average |simulated - measured| by angle, and by elevation over all angles."""
     motions = simulate_model_subjects(model, effect, SUBJECTS, noise_deg=0.0, seed=SEED).motions
     fits = adapt_subjects(motions, model, held_out=()).fits.query("adapted == 1 and status == 'ok'")
     gaps = np.abs(fits[[f"{angle}_difference_deg" for angle in ANGLES]].to_numpy())
@@ -48,7 +48,7 @@ def gaps_deg(model: ParameterSet, effect: Effect | None) -> Float[np.ndarray, " 
 
 
 def draw(names: list[str], values: Float[np.ndarray, "causes columns"]) -> Figure:
-    """Draw a row a cause: degrees by angle, and by elevation of the arm."""
+    """Draw one row per cause: degrees by angle, and by elevation of the arm."""
     figure = Figure(figsize=(9.0, 1.9 + 0.24 * len(names)), layout="constrained")
     parts = np.split(values, [len(ANGLES)], axis=1)
     axes: list[Axes] = list(figure.subplots(1, 2, sharey=True, width_ratios=[part.shape[1] for part in parts]))

@@ -1,15 +1,15 @@
-"""The withheld-effect check on external worlds: does the diagnosis name what others have hidden?
+"""The withheld-effect check on external worlds: does the diagnosis name effects that other authors have hidden?
 
 Every folder below FOLDER with a `motions.csv` and a `truth.json` is a case. The truth needs two keys: `label`, the
-effect at work (two joined by `+`; `none...`; `outside_...` for one that is not in the list), and `model`, the parameter
-set; the diagnosis is told nothing else of it. Lines and figures are those of `blind_check.py`. Where the truth
-has `strengths`, by subject, effect and direction (`girdle effects`) one number a posture, intervals of sizes are
-checked. Beside them a `without_causes.csv`, the same motions had no cause been at work, says what share of the gap no
-cause explains.
+active effect (several joined by `+`; `none...`; `outside_...` for an effect that is not in the list), and `model`, the
+parameter set, which is all that the diagnosis is told. Lines and figures are as in `blind_check.py`. Where the truth
+has `strengths` (for each subject, effect and direction of `girdle effects` one number per posture), intervals of sizes
+are checked. A `without_causes.csv` beside them, the same motions without any active cause, gives the true share of the
+gap that no cause explains.
 
     python scripts/research/named_causes/external_worlds.py worlds --out out/external
 
-With `--at-work` the library holds the causes at work alone: what is missed then could not have been found.
+With `--at-work` the library holds the active causes alone: a cause that is missed then could not have been found.
 """
 
 import json
@@ -43,19 +43,19 @@ MOTIONS, TRUTH, WITHOUT_CAUSES = "motions.csv", "truth.json", "without_causes.cs
 
 @dataclass(frozen=True)
 class ExternalWorld(Case):
-    """A world that others made."""
+    """A world made by other authors."""
 
     parameter_set: str = ""
     folder: str = ""
 
     @property
     def model(self) -> str:
-        """The parameter set that the truth names."""
+        """Parameter set that the truth names."""
         return self.parameter_set
 
 
 def worlds(folder: Path) -> list[ExternalWorld]:
-    """All worlds below a folder, by name; those of one label are its repeats."""
+    """List all worlds below a folder, by name; worlds of one label are its repeats."""
     found, count = [], Counter()
     for path in sorted(folder.rglob(TRUTH)):
         if not path.with_name(MOTIONS).exists():
@@ -68,7 +68,7 @@ def worlds(folder: Path) -> list[ExternalWorld]:
 
 
 def examine(case: ExternalWorld, only_at_work: bool) -> Line:
-    """The verdict on a world, beside what its truth says of sizes."""
+    """Diagnose a world, then add the true sizes to the line."""
     model = load_model(case.model)
     folder = Path(case.folder)
     true = set(case.label.split("+"))
@@ -83,8 +83,11 @@ def examine(case: ExternalWorld, only_at_work: bool) -> Line:
 
 
 def true_sizes(truth: dict[str, Any], motions: Motions, found: Diagnosis) -> dict[str, dict[str, float]]:
-    """By effect at work and direction: the first amplitude of the library's course nearest to the true strengths of a
-    subject, the mean over the subjects; of the effects whose sizes the diagnosis and the truth both tell."""
+    """Return the true size by active effect and direction, where both diagnosis and truth have it.
+
+    The library's basis is fitted to the true strengths of each subject by least squares; the size is the first
+    amplitude of each direction, averaged over the subjects.
+    """
     courses = {cause_of(name): EFFECTS.get(name) for name in found.effects}
     of_subjects: dict[str, list[dict[str, float]]] = {}
     for subject, effects in truth.get("strengths", {}).items():
@@ -104,7 +107,7 @@ def _nearest_amplitudes(effect: Effect, strength: dict[str, list[float]], own: M
 
 
 def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) -> float:
-    """The share of the adapted gap beyond noise that own bones leave where there are no causes."""
+    """Compute the true unexplained share: the part of the adapted gap beyond noise left by own bones, no causes."""
     levels = found.gaps.hardest
     left_deg = unseen_gaps_deg(without_causes, model, NO_EFFECTS)[ALL]
     return left_over_share(levels["adapted"][ALL].value, left_deg, levels["noise_floor"][ALL].value)

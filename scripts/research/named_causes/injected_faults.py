@@ -1,15 +1,15 @@
-"""Known truths on measured shoulders: the diagnosis of real motions with faults that were put there on purpose.
+"""Known truths on measured shoulders: the diagnosis of real motions with faults added on purpose.
 
-Three faults, in all eight combinations: `scapula_landmark_bias`, the scapula in the frame of landmark AA in place of
-AC (the same motions, published in both); `clavicle_axial_estimate`, the clavicle's measured axial rotation replaced by
-the estimate from two landmarks; `skin_artefact`, the scapula behind on each shoulder's own course by the lag that was
-measured between pins and skin, or with `--cluster` off this course, as a cluster on the acromion is. Each combination
-is diagnosed with every parameter set, with all persons and with each person left out. Of what was added: is it named?
-Of what was not: is it named, though it is not without any fault?
+Three faults, in all eight combinations: `scapula_landmark_bias`, the scapula in the frame of landmark AA instead of AC
+(the same motions, published in both frames); `clavicle_axial_estimate`, the clavicle's measured axial rotation replaced
+by the estimate from two landmarks; `skin_artefact`, the scapula held back on each shoulder's own course by the lag that
+was measured between pins and skin, or with `--cluster` off this course, as a cluster on the acromion lags. Each
+combination is diagnosed with every parameter set, with all persons and with each person left out. Two counts: how often
+an added fault is named, and how often a fault is named that was not added and is not named without any fault.
 
 The measured AC frame was rebuilt from AA by one mean rotation, and the model fits the AA frame better: the first fault
-takes away from one that is there. So its size is looked at too: with a course of the AC joint beside it, by how much
-does the bias differ between the two frames, and by how much do the frames?
+removes a bias that is already there. Therefore its size is compared too: with a movement of the AC joint as a second
+effect, how much does the fitted bias differ between the two frames, and how much do the frames themselves differ?
 
     python scripts/research/named_causes/injected_faults.py ../shared/motions ../shared/motions_aa \
         --model breteler_dissection
@@ -38,7 +38,7 @@ from motions.table import person_of
 from scripts.reporting import CADAVER_SETS, markdown
 
 BESIDE = "ac_translation:posture"
-"""What every set of causes has on these shoulders, or what acts like it."""
+"""Effect that is named on these shoulders with every parameter set, or that stands for those that act like it."""
 
 FAULTS = BIAS, AXIAL, SKIN = "scapula_landmark_bias", "clavicle_axial_estimate", "skin_artefact"
 
@@ -48,9 +48,10 @@ LAG_FLEXION_DEG = ((0, 20, 40, 60, 80, 100, 120, 140), (0, 6, 10, 12, 14, 16, 17
 
 CLUSTER_LAG_DEG = (-7.2, 0.0, 6.0)
 CLUSTER_LAG_AT_DEG = 120.0
-"""Lag of a cluster on the acromion, about the axes of the scapula, and the elevation of the arm where it has grown to
-that: beside a locator it shows so much too much backward tipping and too little lateral rotation at worst (Warner et
-al. 2012, doi 10.1016/j.humov.2011.07.004)."""
+"""Largest lag of a cluster on the acromion, about the axes of the scapula, and the arm elevation where it is reached.
+
+Compared with a scapula locator, a cluster shows at worst this much too much backward tipping and too little lateral
+rotation (Warner et al. 2012, doi 10.1016/j.humov.2011.07.004)."""
 
 app = typer.Typer(add_completion=False)
 
@@ -96,17 +97,20 @@ def injected_faults(
 
 
 class Answer(NamedTuple):
-    """What a diagnosis says of one fault."""
+    """Answer of a diagnosis about one fault."""
 
     fault: str
     added: bool
     named: bool
     first: bool
-    """Whether it is the first name of a cause."""
+    """True where the fault is the first name of a cause."""
 
 
 def judged(added: Sequence[str], named: Sequence[Sequence[str]], without: Sequence[Sequence[str]]) -> Iterator[Answer]:
-    """Judge a diagnosis of motions with faults; a fault that was not added only where none names it ``without`` any."""
+    """Judge a diagnosis of motions with faults.
+
+    A fault that was not added is judged only where it is not among the names ``without`` any fault.
+    """
     for fault in FAULTS:
         if fault in added or fault not in itertools.chain(*without):
             first = fault in (names[0] for names in named)
@@ -114,7 +118,7 @@ def judged(added: Sequence[str], named: Sequence[Sequence[str]], without: Sequen
 
 
 def counted(answers: Sequence[Answer]) -> str:
-    """Write how often each fault is named, and named first, where it was added and where not, as Markdown."""
+    """Tabulate how often each fault is named, and named first, where it was added and where it was not."""
 
     def row(name: str, faults: Sequence[str]) -> list[str]:
         cells = [name]
@@ -136,7 +140,7 @@ def _combinations() -> Iterator[tuple[str, ...]]:
 
 
 def _persons(motions: Motions, leave_out: bool) -> Iterator[tuple[str, Bool[np.ndarray, " postures"]]]:
-    """All postures, and those without each person."""
+    """Yield a mask of all postures, and masks without each person."""
     yield "all", np.ones(len(motions.subject), bool)
     person = np.array([person_of(name) for name in motions.subject.tolist()])
     for one in np.unique(person) if leave_out else ():
@@ -144,7 +148,7 @@ def _persons(motions: Motions, leave_out: bool) -> Iterator[tuple[str, Bool[np.n
 
 
 def with_faults(ac: Motions, aa: Motions, added: tuple[str, ...], lag: Callable[[Motions], Motions]) -> Motions:
-    """Put the faults in: the lag is of the bone, the frame of what is seen of it, the estimate follows from both."""
+    """Add faults: the lag to the bone, then the frame to its angles, then the axial estimate from the result."""
     bone = lag(ac) if SKIN in added else ac
     if BIAS in added:
         bone = replace(bone, angles_deg=_in_other_frame(bone, ac, aa))
@@ -152,7 +156,7 @@ def with_faults(ac: Motions, aa: Motions, added: tuple[str, ...], lag: Callable[
 
 
 def fitted_bias(motions: Motions, model: ParameterSet) -> Rotation:
-    """Fit the bias and a course of the AC joint together to all shoulders."""
+    """Fit the landmark bias and a movement of the AC joint together to all shoulders."""
     shoulders, _ = usable(motions)
     effects = tuple(effect for name, effect in EFFECTS.items() if name in (BIAS, BESIDE))
     search = search_of(model, shoulders, effects)
@@ -164,13 +168,13 @@ def fitted_bias(motions: Motions, model: ParameterSet) -> Rotation:
 
 
 def _places(ac: Motions, aa: Motions) -> list[int]:
-    """The rows of the same postures in the other frame."""
+    """Return the rows of the same postures in the other frame."""
     rows = {key: k for k, key in enumerate(zip(aa.subject, aa.motion, aa.posture, strict=True))}
     return [rows[key] for key in zip(ac.subject, ac.motion, ac.posture, strict=True)]
 
 
 def _in_other_frame(bone: Motions, ac: Motions, aa: Motions) -> Float[np.ndarray, "postures 6"]:
-    """The angles with the scapula turned by each posture's own rotation from the AC to the AA frame."""
+    """Turn the scapula by each posture's own rotation from the AC to the AA frame; return the angles."""
     place = _places(ac, aa)
     angles = bone.angles_deg.copy()
     angles[:, 3:] = _cardan(_scapula(angles) * (_scapula(ac.angles_deg).inv() * _scapula(aa.angles_deg[place])))
@@ -178,7 +182,7 @@ def _in_other_frame(bone: Motions, ac: Motions, aa: Motions) -> Float[np.ndarray
 
 
 def with_skin_lag(motions: Motions) -> Motions:
-    """Hold the scapula back on its way from the posture with the arm lowest, by the lag at the elevation of the arm."""
+    """Hold the scapula back on its course from the posture with the lowest arm, by the lag at the arm's elevation."""
     angles = motions.angles_deg.copy()
     for name in motions.subjects:
         mine = np.flatnonzero((motions.subject == name) & np.isfinite(motions.angles_deg).all(axis=1))
@@ -194,7 +198,7 @@ def with_skin_lag(motions: Motions) -> Motions:
 
 
 def with_cluster_lag(motions: Motions) -> Motions:
-    """Hold the scapula back in one direction of its own frame, more and more until the arm is up."""
+    """Hold the scapula back in one direction of its own frame, increasingly until the arm is up."""
     angles, known = motions.angles_deg.copy(), np.isfinite(motions.angles_deg).all(axis=1)
     grown = np.clip(np.nan_to_num(motions.humerus_elevation_deg[known]) / CLUSTER_LAG_AT_DEG, 0.0, 1.0)
     behind = Rotation.from_rotvec(-np.outer(grown, CLUSTER_LAG_DEG), degrees=True)
@@ -203,8 +207,11 @@ def with_cluster_lag(motions: Motions) -> Motions:
 
 
 def with_estimated_axial(motions: Motions) -> Motions:
-    """Estimate the clavicle's axial rotation as two landmarks give it: the turn about its own axis by which, from the
-    posture with the arm lowest, the SC and the AC joint turn least (van der Helm and Pronk 1995; thesis, 6.3)."""
+    """Replace the clavicle's axial rotation by its estimate from two landmarks.
+
+    The estimate minimises the rotations of the SC and the AC joint from the posture with the lowest arm (van der Helm
+    and Pronk 1995; thesis, 6.3).
+    """
     angles = motions.angles_deg.copy()
     for name in motions.subjects:
         mine = np.flatnonzero((motions.subject == name) & np.isfinite(motions.angles_deg).all(axis=1))
@@ -212,7 +219,7 @@ def with_estimated_axial(motions: Motions) -> Motions:
         clavicle, scapula = _clavicle(motions.angles_deg[mine]), _scapula(motions.angles_deg[mine])
         without = Rotation.from_euler("YZX", motions.angles_deg[mine, :3] * [1, 1, 0], degrees=True)
         joint = (clavicle[rest].inv() * scapula[rest]).as_matrix()
-        # the sum of the traces of both joints' turns is tr(Rx(c) B)
+        # the sum of the traces of both joints' rotations is tr(Rx(c) B)
         B = (clavicle[rest].inv() * without).as_matrix() + joint @ (scapula.inv() * without).as_matrix()
         angles[mine, 2] = np.degrees(np.arctan2(B[:, 1, 2] - B[:, 2, 1], B[:, 1, 1] + B[:, 2, 2]))
     return replace(motions, angles_deg=angles)

@@ -1,9 +1,9 @@
-"""Does the diagnosis name causes that predict measured shoulders? The gap on motions and persons that were not fitted.
+"""Does the diagnosis name causes that predict measured shoulders? The gap on held-out motions and persons.
 
-For each parameter set: what `girdle diagnose` names by itself, and the mean |simulated - measured| of scapula and
-clavicle, degrees, adapted without each motion: plain, with bones of each person's own, with the causes beside them
-(``girdle adapt --own-bones --effect``), with the sizes that other persons have, and with causes that were named and
-sized without the person at all; '-' where there is no other motion, or no other person.
+For each parameter set: the causes that `girdle diagnose` names by itself, and the mean |simulated - measured| of
+scapula and clavicle, degrees, each motion held out: plain adaptation, own bones, own bones and causes (``girdle adapt
+--own-bones --effect``), causes with population amplitudes of the other persons, and causes named and sized without the
+person at all. '-' where there is no other motion, or no other person.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from scripts.reporting import bone_pins
 _BONES = ("scapula", "clavicle")
 
 _NEVER_UNDER_PINS = ("skin_artefact", "clavicle_axial_estimate")
-"""Bone pins exclude them."""
+"""Effects that bone pins exclude."""
 
 
 def main() -> None:
@@ -42,8 +42,10 @@ def main() -> None:
 
 
 def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
-    """Compute the mean gaps of persons on unseen motions, with causes that the diagnosis of all others names; NaN where
-    nothing is unseen."""
+    """Compute the mean held-out gaps of each person with the causes that a diagnosis of all other persons names.
+
+    NaN with fewer than two persons or kinds of motion.
+    """
     shoulders, _ = usable(motions)
     if shoulders.persons < 2 or len(shoulders.kinds) < 2:
         return dict.fromkeys(_BONES, np.nan)
@@ -56,8 +58,10 @@ def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
 
 
 def one_left_out(motions: Motions) -> Iterator[tuple[Motions, Motions]]:
-    """Leave each person out in turn, left and right together: the motions of all others, and the person's; nothing of
-    one person. Subjects that say too little are in neither."""
+    """Leave each person out in turn, left and right shoulder together: yield the others' motions and the person's own.
+
+    Yields nothing for one person. Subjects with too few data are in neither part.
+    """
     shoulders, _ = usable(motions)
     if shoulders.persons < 2:
         return
@@ -70,13 +74,15 @@ def one_left_out(motions: Motions) -> Iterator[tuple[Motions, Motions]]:
 def unseen_gaps_deg(
     motions: Motions, model: ParameterSet, effects: Amplitudes, own_bones: bool = True
 ) -> dict[str, float]:
-    """Compute the mean gap of motions that the subjects were not adapted to, with bones of their own or without, of all
-    angles and by bone; NaN where each has but one."""
+    """Compute the mean held-out gap over motions, of all angles and by bone, with own bones or without.
+
+    NaN where every subject has only one motion.
+    """
     return mean_unseen_deg(motions, model, effects=effects, own_bones=own_bones)
 
 
 def mean_unseen_deg(motions: Motions, model: ParameterSet, **options) -> dict[str, float]:
-    """Compute the same of any adaptation."""
+    """Compute the mean held-out gap over motions of an adaptation with any options."""
     table = adapt_subjects(motions, model, folds=motions_and_thirds, **options).heldout
     unseen = table[table["kind"] == MOTION]
     columns = {part: f"{'' if part == ALL else f'{part}_'}gap_unseen_deg" for part in (ALL, *_BONES)}

@@ -1,11 +1,11 @@
-"""Would any other causes do as well? Named causes against as many drawn at random, on persons who were not seen.
+"""Would any other causes do as well? Named causes against random ones, on held-out persons.
 
-Of each person in turn and with each parameter set: what is named on the other persons, and as many candidates drawn at
-random, each with all numbers that it can have. Both get the sizes that the other persons show, and the person left out
-is adapted with them: once with these sizes as they are, and once with sizes of its own about them, as `girdle adapt
---effect` does with what `girdle diagnose` says. Mean |simulated - measured| on motions that it was not adapted to;
-"as good" counts the sets at random that leave no more than what is named. With `--elsewhere` causes are named on all
-persons, and tried on what another laboratory measured.
+For each person in turn and each parameter set: the causes named on the other persons, and equally many random
+candidates, each with the largest number of amplitudes that it can have. Both get the population amplitudes of the other
+persons, and the person left out is adapted with them: once with these amplitudes fixed, and once with subject-level
+amplitudes about them, as `girdle adapt --effect` does with the result of `girdle diagnose`. Mean |simulated - measured|
+on held-out motions; "as good" counts the random sets whose gap is no larger than that of the named causes. With
+`--elsewhere` causes are named on all persons and tried on another laboratory's data.
 """
 
 import argparse
@@ -31,11 +31,11 @@ from scripts.reporting import bone_pins, markdown, measured
 from scripts.research.named_causes.measured_check import mean_unseen_deg, one_left_out
 
 SEED, DRAWN = 1, 20
-"""Sets drawn for each person and parameter set."""
+"""Seed, and number of random sets for each person and parameter set."""
 
 
 class Gaps(NamedTuple):
-    """Of one person on unseen motions, degrees: with sizes as those of others, and of its own."""
+    """Held-out gaps of one person, degrees: with population amplitudes, and with subject-level amplitudes."""
 
     as_others: float
     own: float
@@ -44,11 +44,11 @@ class Gaps(NamedTuple):
 LEFT_OUT = "each person left out"
 
 Tried = dict[str, list[tuple[Motions, Motions]]]
-"""For each on whom causes are tried: the motions on which they are named, and those on which they are tried."""
+"""For each label of the table: pairs of motions on which causes are named and motions on which they are tried."""
 
 
 def main() -> None:
-    """Adapt persons with what is named without them and with sets drawn at random; print one table."""
+    """Adapt persons with causes named without them and with random causes; print one table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drawn", type=int, default=DRAWN, help=f"sets drawn for each person; default: {DRAWN}")
     parser.add_argument("--elsewhere", action="append", type=Path, help="motions that another laboratory measured")
@@ -64,15 +64,15 @@ def main() -> None:
 
 
 def tried(motions: Motions, elsewhere: Motions | None) -> Tried:
-    """Choose on whom causes are tried: each person in turn, or each subject that was measured elsewhere."""
+    """Choose the people on whom causes are tried: each person in turn, or each subject measured elsewhere."""
     if elsewhere is None:
         return {LEFT_OUT: list(one_left_out(motions))}
     return {one: [(motions, elsewhere.select(elsewhere.subject == one))] for one in elsewhere.subjects}
 
 
 def _compared(seen: Motions, unseen: Motions, model: ParameterSet, draws: int, generator: np.random.Generator) -> tuple:
-    """Give the gaps of the unseen motions: adapted, with thorax points down-weighted, with what is named on the seen
-    ones, with each draw."""
+    """Compute the gaps of the motions ``unseen``: adapted, with thorax down-weighting, with the causes named on the
+    motions ``seen``, and with each random set."""
     (shoulders, _) = usable(seen)
 
     def gaps(effects: Amplitudes, downweighting: float) -> dict[str, float]:
@@ -86,14 +86,15 @@ def _compared(seen: Motions, unseen: Motions, model: ParameterSet, draws: int, g
 
 
 def drawn_at_random(candidates: Candidates, causes: int, generator: np.random.Generator) -> Hypothesis:
-    """Draw so many different causes, each with the course that has the most numbers."""
+    """Draw so many different causes, each with the basis that has the most amplitudes."""
     richest = {one.cause: one.name for one in sorted(candidates.effects, key=lambda one: one.amplitudes)}
     return candidates.ordered(generator.choice(list(richest.values()), causes, replace=False).tolist())
 
 
 def cells(found: list) -> list[str]:
-    """Write the means over the persons: adapted, with thorax points down-weighted; then of each kind of size named, the
-    median at random, and how many of those at random leave as little on the same person as what is named."""
+    """Format the table's cells: mean gaps over the persons, adapted and with thorax down-weighting; then, for either
+    kind of amplitude, the mean gap of the named causes, the median of the random ones, and how many random sets leave
+    no larger gap on the same person than the named causes."""
     texts = [f"{np.mean([one[k] for one in found]):.2f}" for k in range(2)]
     for kind in Gaps._fields:
         named = np.array([getattr(one[2], kind) for one in found])
@@ -104,7 +105,7 @@ def cells(found: list) -> list[str]:
 
 
 def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes, float], dict[str, float]]) -> Gaps:
-    """With the sizes of a set that the search's persons have in common."""
+    """Compute the gaps of a hypothesis with the population amplitudes of the search's persons."""
     candidates = search.joint.candidates
     given = search.given(search.mode(hypothesis), hypothesis)
     per_deg = search.discrepancy.between_shoulders / search.discrepancy.noise_deg

@@ -1,9 +1,9 @@
-"""How few measured shoulders are enough? Causes named and sized on some, and the gap that they leave on others.
+"""How few measured shoulders are enough? Causes named and sized on some shoulders, and their gap on others.
 
-A row says what the diagnosis has seen: all persons but one, one person, one shoulder, or two kinds of motion of one
-person; each in turn, with each parameter set. The persons it has not seen are then adapted with what it names (``girdle
-adapt --effect``): mean |simulated - measured| on motions that they were not adapted to, and the share that is left of
-the gap without causes, in the median and at most.
+A row says which data the diagnosis has: all persons but one, one person, one shoulder, or two kinds of motion of one
+person; each in turn, with each parameter set. The other persons are then adapted with the named causes (``girdle adapt
+--effect``): mean |simulated - measured| on held-out motions, and that gap as a share of the gap without causes, median
+and maximum.
 """
 
 import argparse
@@ -27,7 +27,7 @@ REST, ONE, SHOULDER, LESS = "all persons but one", "one person", "one shoulder",
 
 
 class Seen(NamedTuple):
-    """What a diagnosis sees, and of whom the gap is told."""
+    """Motions that a diagnosis sees, and the persons whose gap is reported."""
 
     what: str
     motions: Motions
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def parts(motions: Motions) -> Iterator[Seen]:
-    """Choose what is seen in turn; nothing where there is one person."""
+    """Yield the parts to diagnose; none where there is only one person."""
     kinds = sorted(set(motions.motion.tolist()))
     for others, one in one_left_out(motions):
         yield Seen(REST, others, one)
@@ -59,14 +59,14 @@ def parts(motions: Motions) -> Iterator[Seen]:
 
 
 def gaps_of_others_deg(model: ParameterSet, seen: Seen) -> tuple[float, float]:
-    """Compute the mean gap of the others on unseen motions, without causes and with those named on what is seen."""
+    """Compute the mean held-out gap of the other persons, without causes and with the named ones."""
     found = diagnose(seen.motions, model)[model.name]
     with_causes = unseen_gaps_deg(seen.others, model, found.effects)[ALL]
     return unseen_gaps_deg(seen.others, model, NO_EFFECTS, own_bones=False)[ALL], with_causes
 
 
 def table(gaps: dict[str, list[tuple[float, float]]]) -> str:
-    """Write a row for all that is seen of one kind, as Markdown."""
+    """Tabulate the gaps, one row per kind of part, as Markdown."""
     rows = []
     for what, found in gaps.items():
         adapted, with_causes = np.array(found).T

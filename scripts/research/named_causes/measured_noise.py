@@ -1,8 +1,8 @@
-"""Does a diagnosis of measured shoulders hang on the last tenth of a degree? Its names with a little noise added.
+"""Does a diagnosis of measured shoulders depend on the last tenth of a degree? Its names with a little noise added.
 
-Each parameter set diagnoses the motions as they are, and again with noise of a SD far below what a measurement errs by.
-Of every two of these diagnoses: the share of the first names that both have, of those that either has; and by how much
-the probability of a candidate of being at work differs. Without chance in them, 1 and 0.
+Each parameter set diagnoses the motions as they are, and again with noise whose SD is far below the measurement error.
+For every two of these diagnoses: the share of first names that both have, among those that either has; and the mean
+difference of the inclusion probabilities. Without any influence of the noise these would be 1 and 0.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from scripts.reporting import bone_pins, markdown
 
 NOISE_DEG = 0.1
 TIMES = 3
-"""Noise is drawn so often."""
+"""SD of the added noise, and number of draws."""
 
 
 def main() -> None:
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def verdicts(motions: Motions, model: ParameterSet) -> Iterator[Verdict]:
-    """Diagnose the motions as they are, then with noise drawn anew each time."""
+    """Diagnose the motions as they are, then with each new draw of noise."""
     angles = motions.angles_deg
     draws = (np.random.default_rng(seed).standard_normal(angles.shape) for seed in range(1, TIMES + 1))
     for noise in (0.0, *draws):
@@ -45,12 +45,12 @@ def verdicts(motions: Motions, model: ParameterSet) -> Iterator[Verdict]:
 
 
 def first_names(verdict: Verdict) -> list[str]:
-    """Give the first name of each cause."""
+    """Return the first name of each cause."""
     return [cause.names[0] for cause in verdict.causes]
 
 
 def compared(found: Sequence[Verdict]) -> tuple[str, str]:
-    """Average over every two diagnoses what their first names share, and how probabilities of being at work differ."""
+    """Average over pairs of diagnoses: share of common first names, and difference of inclusion probabilities."""
     pairs = list(combinations(found, 2))
     shared = [share(first_names(one), first_names(other)) for one, other in pairs]
     apart = [abs(one.inclusion[name] - other.inclusion[name]) for one, other in pairs for name in one.inclusion]
@@ -58,7 +58,7 @@ def compared(found: Sequence[Verdict]) -> tuple[str, str]:
 
 
 def share(one: Collection[str], other: Collection[str]) -> float:
-    """Divide what both have by what either has; 1 where neither has any."""
+    """Divide the number of common names by the number of names in either; 1 where both are empty."""
     either = set(one) | set(other)
     return len(set(one) & set(other)) / len(either) if either else 1.0
 

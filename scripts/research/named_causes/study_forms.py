@@ -1,9 +1,9 @@
-"""Is an effect missed because a candidate has another form? Its evidence as the library has it, and as it truly is.
+"""Is an effect missed because its true form is not a candidate? Evidence of the library's form and of the true form.
 
-Of worlds with one cause whose truth tells the strength in every posture (`synthetic_b`): the log evidence above
-that of no cause, of the best course of the library, and of the true strengths of each subject times one number. Where
-the true strengths gain much and the library little, its form is too narrow. Where they gain little, no candidate of any
-form is found in such data.
+For worlds with one cause whose truth has the strength in every posture (`synthetic_b`): the log evidence, relative to
+no cause, of the library's best basis, and of the true strengths of each subject times one amplitude. Where the true
+strengths gain much and the library little, the library's form is too narrow. Where the true strengths gain little, no
+candidate of any form can be found in such data.
 
     python -m scripts.research.named_causes.synthetic_b out/forms --condition several --seed 38
     python scripts/research/named_causes/study_forms.py out/forms
@@ -35,24 +35,24 @@ from scripts.reporting import markdown
 from scripts.research.named_causes.external_worlds import MOTIONS, TRUTH, worlds
 
 SHARE_SD = 0.3
-"""Of the number by which the true strengths are multiplied, about 1: a hundredth of it would do as well."""
+"""SD of the factor on the true strengths, about 1. The factor is known: a hundredth of this SD would do as well."""
 
 TRUE = "as it truly is"
 
 
 @dataclass(frozen=True, eq=False)
 class AsItIs(Course):
-    """One amplitude, the share of strengths that are known in every posture."""
+    """A basis with one amplitude: a factor on strengths that are known in every posture."""
 
     word: str = TRUE
     known: Float[np.ndarray, "channels postures"] = field(kw_only=True)
 
     def channels(self, directions: int) -> int:
-        """Count them."""
+        """Return the number of channels of the known strengths."""
         return len(self.known)
 
     def columns(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
-        """Give them."""
+        """Return the known strengths."""
         return self.known[None]
 
 
@@ -63,7 +63,7 @@ app = typer.Typer(add_completion=False)
 def study_forms(
     folder: Annotated[Path, typer.Argument(help="Folder of worlds.", exists=True, file_okay=False)],
 ) -> None:
-    """Compare forms on every world of one cause below a folder; print a line a world and the means of each effect."""
+    """Compare forms on every world of one cause below a folder; print a line per world and the means per effect."""
     rows = []
     print(f"| effect | world | {' | '.join(_HEADER)} |\n" + "|---" * (2 + len(_HEADER)) + "|")
     for world in worlds(folder):
@@ -85,18 +85,21 @@ _HEADER = ("library, log evidence", "true")
 
 
 def told(truth: dict) -> bool:
-    """Tell whether one cause is at work, with known strengths."""
+    """Check whether a world has one active cause with known strengths."""
     strengths = truth.get("strengths", {})
     return truth["label"] in EFFECTS and bool(strengths) and all(truth["label"] in one for one in strengths.values())
 
 
 def cells(row) -> list[str]:
-    """Write the gains in log evidence."""
+    """Format the gains in log evidence."""
     return [f"{row['library']:.0f}", f"{row['true']:.0f}"]
 
 
 def compared(truth: dict, motions: Motions) -> dict[str, float]:
-    """Compare no cause, the best course of the library and the true strengths, and what these leave unexplained."""
+    """Compute the gains in log evidence over no cause: of the library's best basis, and of the true strengths.
+
+    Every evidence uses the discrepancy that the true strengths leave unexplained.
+    """
     label, model = truth["label"], load_model(truth["model"])
     shoulders, _ = usable(motions)
     effects = (*(one for one in EFFECTS.values() if cause_of(one.name) == label), true_effect(truth, shoulders.motions))
@@ -108,7 +111,7 @@ def compared(truth: dict, motions: Motions) -> dict[str, float]:
 
 
 def true_effect(truth: dict, motions: Motions) -> Effect:
-    """Give the effect with the strengths that each subject truly has, in postures that are left."""
+    """Make the effect with each subject's true strengths in the postures that the motions have."""
     effect = EFFECTS[truth["label"]]
     by_subject = {name: pd.DataFrame(one[effect.name]) for name, one in truth["strengths"].items()}
     kinds = list(dict.fromkeys(motions.motion.tolist()))
@@ -124,13 +127,13 @@ def true_effect(truth: dict, motions: Motions) -> Effect:
 
 
 def fitted(search: Search, hypothesis: Hypothesis) -> Node:
-    """Fit a hypothesis from no cause."""
+    """Fit a hypothesis, starting from no cause."""
     none = search.fit((), None)
     return search.fit(hypothesis, none) if hypothesis else none
 
 
 def log_evidence(search: Search, hypothesis: Hypothesis) -> float:
-    """Weigh a hypothesis."""
+    """Compute the log evidence of a hypothesis."""
     return search.given(fitted(search, hypothesis).posterior, hypothesis).log_evidence
 
 

@@ -1,13 +1,13 @@
-"""How many single causes could be named at all: an observer who knows what an effect does, against people who differ.
+"""How many single causes could be named at all? An observer who knows the effect, against people who differ.
 
-Of the worlds of the blind check (`synthetic_a`), with its own chain, in NumPy. The observer knows the effect in every
-posture of every subject; what is left to tell is whether it is at work, or the subjects' six parameters differ from the
-set's so that it looks like that. Without noise, with S the SDs of people,
+For the worlds of the blind check (`synthetic_a`), with its own chain, in NumPy. The observer knows the effect in every
+posture of every subject; unknown is only whether the effect is active, or the subjects' six parameters differ from the
+set's in a way that looks like it. Without noise, with S the SDs of people,
 
     d^2 = min sum (measured - closed)^2 / noise^2 + sum |(theta_s - set) / S - h|^2 + |h|^2   over postures, theta and h
 
-without the effect, less the same with it. The logarithm of the odds of the effect is then N(d^2 / 2, d^2) by noise; it
-is named where that exceeds ``LEAST``. A diagnosis has to find the form and the size besides.
+without the effect, less the same with it. With noise, the log odds of the effect are then N(d^2 / 2, d^2); it is named
+where they exceed ``LEAST``. A diagnosis has to find the form and the size besides.
 
     python scripts/research/named_causes/study_limit.py --seeds 50:55
 """
@@ -41,34 +41,34 @@ from scripts.research.named_causes.synthetic_a.world import (  # noqa: E402
 )
 
 LEAST = float(np.log(0.8 / 0.2) - np.log(2.0 / 22.0))
-"""Odds of four to one, where two of 22 causes are expected."""
+"""Least log odds: posterior odds of four to one, with two of 22 causes expected a priori."""
 
 _STEP_MM, _STEP_RAD = 1e-4, 1e-6
-"""For central differences."""
+"""Steps of the central differences."""
 
 _STEPS, _ENOUGH, _STUCK = 80, 1e-3, 1e4
 
 
 class Observed(NamedTuple):
-    """What a world shows, without noise."""
+    """Noise-free measurements of a world."""
 
     chain_at: Callable[[Array], Chain]
-    """Of the parameters of every subject (s, 6), mm from the set's."""
+    """Chain as a function of the parameters of every subject (s, 6), mm from the set's."""
     true_mm: Array
     subject: Index
     kept: Mask
-    """Postures that closed."""
+    """Mask of the postures that closed."""
     angles: Array
     places_mm: Array
-    """SC, AC, TS, AI (n, 4, 3)."""
+    """Positions of SC, AC, TS, AI (n, 4, 3)."""
     sd_rad: float
     sd_mm: float
-    """Infinite without landmarks."""
+    """SD of the positions; infinite without landmarks."""
 
 
 def observed(case: Case) -> tuple[Observed, Observed, Change]:
-    """Make the world of a case, without noise: as it is measured, and as an observer sees it who takes away what the
-    effect does to what is measured."""
+    """Make the noise-free world of a case: as measured, and as an observer sees it who subtracts the effect's influence
+    on the measurement."""
     how = CONDITIONS[case.condition]
     seed = world_seed(case)
     postures = lay_out(how.subjects, SHOWN_MOTIONS, ELEVATIONS_DEG)
@@ -89,7 +89,7 @@ def observed(case: Case) -> tuple[Observed, Observed, Change]:
 
 
 def distance2(shown: Observed, change: Change | None) -> float:
-    """The smallest sum of squares, by damped Gauss-Newton steps from the truth; ``change``: it is at work."""
+    """Minimise the sum of squares by damped Gauss-Newton steps from the truth. change: the active effect, if any."""
 
     def chain_at(theta_mm: Array) -> Chain:
         chain = shown.chain_at(theta_mm)
@@ -102,7 +102,7 @@ def distance2(shown: Observed, change: Change | None) -> float:
     for _ in range(_STEPS):
         dtheta, dh = _step(shown, theta, h, rows, slopes, damping)
         tried = _at(shown, chain_at, theta + dtheta, h + dh, q)
-        if not tried[0] < now:  # so too where it is NaN
+        if not tried[0] < now:  # also where tried[0] is NaN
             damping *= 8.0
             if damping > _STUCK:
                 break
@@ -117,7 +117,10 @@ def distance2(shown: Observed, change: Change | None) -> float:
 def _at(
     shown: Observed, chain_at: Callable[[Array], Chain], theta: Array, h: Array, q: Array
 ) -> tuple[float, Array, Array, Array]:
-    """The sum of squares, and the rows of every posture with their slopes in theta, the posture projected out."""
+    """Compute the sum of squares, and each posture's residuals and their derivatives in theta.
+
+    The posture angles are projected out of both.
+    """
     chain = chain_at(theta)
     by_theta = np.stack(
         [
@@ -143,13 +146,13 @@ def _at(
 
 
 def _left(shown: Observed, chain: Chain, q: Array) -> Array:
-    """What was measured less where a posture has it, in SDs (n, 18)."""
+    """Return the residuals measured - simulated, in SDs (n, 18)."""
     places = (shown.places_mm - np.stack(chain.points(q), 1)) / shown.sd_mm
     return np.concatenate([(shown.angles - q) / shown.sd_rad, places.reshape(len(q), -1)], 1)
 
 
 def _slopes(shown: Observed, chain: Chain, q: Array) -> Array:
-    """In the angles (n, 18, 6)."""
+    """Return the derivatives of the simulated measurements in the angles (n, 18, 6)."""
     every = [
         (np.stack(chain.points(q + one), 1) - np.stack(chain.points(q - one), 1)) / (2.0 * _STEP_RAD * shown.sd_mm)
         for one in _STEP_RAD * np.eye(6)
@@ -159,7 +162,7 @@ def _slopes(shown: Observed, chain: Chain, q: Array) -> Array:
 
 
 def _step(shown: Observed, theta: Array, h: Array, rows: Array, slopes: Array, damping: float) -> tuple[Array, Array]:
-    """To the smallest sum of squares of the linear problem: theta of each subject eliminated, then h."""
+    """Solve the damped linear least-squares problem: eliminate theta of each subject, then solve for h."""
     W = np.diag(1.0 / PERSON_SD_MM)
     total, right, each = np.eye(6), -h, []
     for s in range(len(theta)):
@@ -174,13 +177,13 @@ def _step(shown: Observed, theta: Array, h: Array, rows: Array, slopes: Array, d
 
 
 def separation2(case: Case) -> float:
-    """d^2 of the world of a case."""
+    """Compute d^2 of the world of a case."""
     shown, true, change = observed(case)
     return distance2(shown, None) - distance2(true, change)
 
 
 def could_be_named(d2: float) -> float:
-    """The probability that the odds exceed ``LEAST``."""
+    """Compute the probability that the log odds exceed ``LEAST``."""
     return float(norm.cdf((d2 / 2.0 - LEAST) / np.sqrt(max(d2, 1e-9))))
 
 

@@ -1,11 +1,11 @@
-"""How far does the gap shrink where SC and AC move as bone pins have measured it, without a fitted number?
+"""How far does the gap shrink where SC and AC move as bone pins have measured, without any fitted number?
 
     python scripts/research/named_causes/study_measured_movement.py ../shared/motions_positions/bonepin_*.csv
 
-Each set is adapted, plain and with bones of each person's own, with the joints at rest and with the measured movement
-put in (`--effect sc_translation=measured`, `ac_translation=measured`). Of each kind of motion, held out: the gap
-of clavicle and scapula, deg; A1-A3 at the measured angles, root mean square, mm; and the distance of the measured
-positions, mm. Means over shoulders. Prints Markdown.
+Each set is adapted, plain and with own bones, with fixed joint centres and with the measured movement
+(`--effect sc_translation=measured`, `ac_translation=measured`). For each kind of motion, held out: the gap of clavicle
+and scapula, deg; the root mean square of A1-A3 at the measured angles, mm; and the distance to the measured positions,
+mm. Means over shoulders. Prints Markdown.
 """
 
 import argparse
@@ -31,7 +31,7 @@ JOINTS = {
     "AC": ("ac_translation",),
     "both": ("sc_translation", "ac_translation"),
 }
-"""Which move as measured."""
+"""Joints that move as measured."""
 
 
 def main() -> None:
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def lines(motions: Motions, model: ParameterSet) -> Iterator[list[str]]:
-    """Adapt with every choice of bones and joints."""
+    """Adapt with every choice of bones and moving joints; yield one row each."""
     for bones in (False, True):
         for word, names in JOINTS.items():
             effects = dict.fromkeys(names, "measured")
@@ -63,7 +63,7 @@ def lines(motions: Motions, model: ParameterSet) -> Iterator[list[str]]:
 
 
 def residuals_mm(found: AdaptedSubjects) -> list[Float[np.ndarray, "3 tested"]]:
-    """Compute A1-A3 at the measured angles of what each fold holds out, with what it was adapted to."""
+    """Compute A1-A3 at the measured angles of the held-out postures of each fold, with the fold's adapted girdle."""
     held_out, rows = found.held_out, found.rows
     each = []
     for k, fold in enumerate(held_out.folds):
@@ -74,7 +74,7 @@ def residuals_mm(found: AdaptedSubjects) -> list[Float[np.ndarray, "3 tested"]]:
 
 
 def by_subject(found: AdaptedSubjects, of_folds: Sequence[Float[np.ndarray, "n tested"]]):
-    """Put the postures of all folds of each subject side by side."""
+    """Concatenate the held-out postures of all folds, subject by subject."""
     subject = [fold.subject for fold in found.held_out.folds]
     for number in sorted(set(subject)):
         yield np.concatenate([one for one, of in zip(of_folds, subject, strict=True) if of == number], axis=1)

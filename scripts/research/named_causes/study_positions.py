@@ -1,12 +1,12 @@
-"""What do measured positions predict of joints on motions that were not seen? The limit of any diagnosis with them.
+"""How well do measured positions predict joint movement on held-out motions? A limit for any diagnosis that uses them.
 
     python scripts/research/named_causes/study_positions.py ../shared/motions_positions/bonepin_*.csv
 
 Landmarks are predicted at the measured angles, without the closed chain, on each kind of motion in turn: with the
-constants of the person alone, and with SC and AC that follow the posture, their sizes of the person's own, common to
-all, or of the other persons. Root mean square distance, mm. Beside it, per shoulder, the correlation of the predicted
-movement of SC and AC with the measured one (`--effect sc_translation=measured`), of sizes of the person's own. Prints
-Markdown.
+constants of the person alone, and with SC and AC that move with the posture, with subject-level amplitudes, with common
+ones, or with the population amplitudes of the other persons. Root mean square distance, mm. Then, per shoulder, the
+correlation of the movement of SC and AC predicted with subject-level amplitudes with the measured movement
+(`--effect sc_translation=measured`). Prints Markdown.
 """
 
 import argparse
@@ -32,7 +32,7 @@ SET = "breteler_dissection"
 JOINTS = ("ac_translation:posture", "sc_translation:posture")
 
 Sizes = Callable[[Evidence, Callable[[Evidence], Given], int], Float[np.ndarray, " own"]]
-"""The amplitudes that a shoulder is predicted with."""
+"""Function that returns the amplitudes for the prediction of one shoulder."""
 
 
 def main() -> None:
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def predicted(search: Search, sizes: Sizes) -> tuple[Float[np.ndarray, "rows n"], Float[np.ndarray, "joints 3 rows"]]:
-    """Predict every kind of motion from the others: what is left of the coordinates, and the movement of the joints."""
+    """Predict every kind of motion from the others: the coordinates' residuals, and the movement of the joints."""
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
     assert search.joint.positions is not None
     where = candidates.where(JOINTS)
@@ -91,14 +91,14 @@ def predicted(search: Search, sizes: Sizes) -> tuple[Float[np.ndarray, "rows n"]
 
 
 def _with_constants(rows: PositionRows, values, fitted, tested) -> Float[np.ndarray, "tested n"]:
-    """What the most probable constants of the postures that were fitted leave of the others."""
+    """Compute the held-out postures' residuals with the most probable constants of the fitted postures."""
     H = rows.by_constant[fitted].reshape(-1, rows.by_constant.shape[2])
     u = -np.linalg.solve(H.T @ H + np.eye(H.shape[1]), H.T @ values[fitted].ravel())
     return values[tested] + rows.by_constant[tested] @ u
 
 
 def correlation(one: Float[np.ndarray, "3 rows"], other: Float[np.ndarray, "3 rows"]) -> float:
-    """Correlate two movements, each about its mean, over all directions."""
+    """Correlate two movements over all directions, each about its mean."""
     x, y = (a - a.mean(axis=1, keepdims=True) for a in (one, other))
     return float((x * y).sum() / np.sqrt((x**2).sum() * (y**2).sum()))
 

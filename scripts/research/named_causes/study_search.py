@@ -1,9 +1,8 @@
-"""Does a search that goes further find causes that are truer? The diagnosis of measured motions, by the search as it is
-and by one that goes on.
+"""Does a longer search find better causes? The diagnosis of measured motions by the shipped search and by a longer one.
 
-Gone on: two or three causes of the best set whose loss looks cheap are taken out and not let in again, and what is left
-grows by the causes that fit best, up to three; the best set of all is where that begins anew. The angles times
-1 + 1e-13 noise say what hangs on the last digit.
+The longer search takes two or three causes whose loss costs little out of the best set, bans them, and adds up to three
+of the best-fitting other causes; it starts again from the best set of all until that no longer changes. The angles
+times 1 + 1e-13 noise show what depends on rounding.
 
     python scripts/research/named_causes/study_search.py ../shared/motions_positions/bonepin_*.csv --model breteler_mri
 """
@@ -24,7 +23,7 @@ from models import load_model
 from motions import read_motions
 
 _CHEAP = 15.0
-"""In V."""
+"""Loss of log evidence V below which a cause is cheap to take out."""
 
 _MOST_TAKEN_OUT, _MOST_TRIED, _GROWS, _FITTED = 3, 10, 3, 3
 
@@ -38,7 +37,7 @@ def study(
         int, typer.Option(help="How often the angles are perturbed by rounding, beside as they are.")
     ] = 1,
 ) -> None:
-    """Print V, the best set, what is named and how positions are predicted, by both searches."""
+    """Print V, the best set, the named causes and the error of predicted positions, by both searches."""
     motions, as_it_is = read_motions(*paths), Search.run
     print("| angles | search | V | best set | named | positions of motions held out, of other persons, mm |")
     print("|---|---|---|---|---|---|")
@@ -93,7 +92,7 @@ def _taken_out(search: Search, node: Node) -> Sequence[tuple[str, ...]]:
 
 
 def _grown(search: Search, node: Node, taken: tuple[str, ...]) -> None:
-    """Add the best cause, as long as it makes the set better."""
+    """Add the best cause repeatedly, as long as the set gets better."""
     causes = search.joint.candidates.causes
     forbidden = {causes[name] for name in taken}
     for _ in range(_GROWS):

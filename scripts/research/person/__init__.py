@@ -1,4 +1,4 @@
-"""Does a person's own parameter set fit better than a cadaver's, and which set should give what was not measured?
+"""Does a person's own parameter set fit better than a cadaver's, and which set should supply the unmeasured numbers?
 
-study_person and study_base_set, of simulated_persons.
+study_person and study_base_set use simulated_persons. study_own_bones and study_both_sides are about own bones.
 """

@@ -1,4 +1,4 @@
-"""What an adaptation predicts of postures that it has not seen."""
+"""Predictions of an adaptation for held-out postures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ ADAPTATIONS: Mapping[str, Mapping[str, Any]] = {
     "w 300": {"weight": 300.0},
     "own bones": {"own_bones": True},
 }
-"""Arguments of ``adapt_subjects``."""
+"""Arguments of ``adapt_subjects`` for each kind of adaptation."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Fitted:
 
     subjects: tuple[str, ...]
     girdle: Girdle
-    """Of each subject."""
+    """Adapted girdle of each subject."""
     result: Adaptations
 
     def at(self, motions: Motions) -> Girdle:
-        """Give the girdle of each posture."""
+        """Return the girdle of each posture."""
         number = {name: k for k, name in enumerate(self.subjects)}
         return take_problems(self.girdle, np.array([number[name] for name in motions.subject.tolist()]))
 
@@ -54,7 +54,7 @@ def adapted_to(motions: Motions, model: ParameterSet, **options: Any) -> Fitted:
 
 
 def without(motions: Motions, kind: str) -> tuple[Bool[np.ndarray, " postures"], Bool[np.ndarray, " postures"]]:
-    """Mark the postures of the other motions, and those of this one, of subjects that have others."""
+    """Return two masks: postures of the other motions, and postures of this motion in subjects that have others."""
     tested = motions.motion == kind
     return ~tested, tested & np.isin(motions.subject, motions.subject[~tested])
 
@@ -67,6 +67,6 @@ def gaps_deg(
 
 
 def bone_means(gaps: Float[np.ndarray, "6 postures"]) -> tuple[float, float]:
-    """Average gaps of the clavicle's and of the scapula's angles, where they are known."""
+    """Average the finite gaps of the clavicle's and of the scapula's angles."""
     clavicle, scapula = (one[np.isfinite(one)].mean() for one in (gaps[:3], gaps[3:]))
     return float(clavicle), float(scapula)

@@ -1,4 +1,4 @@
-"""Simulated people with bones of their own: worlds that say how they differ, and what is true of each person."""
+"""Simulated people with own bones: worlds that define how people differ, and the truth about each person."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -20,14 +20,14 @@ from motions.rotations import DEG, rotate
 from motions.table import Motions
 
 _DRAWN = 4
-"""As many persons are drawn as are wanted, times this: whose chain does not close in every posture is left out."""
+"""Persons drawn for each person wanted; a person whose chain does not close in every posture is left out."""
 
 OTHER_SDS = {
     **dict(zip(ADAPTED, (10.0, 5.0, 4.0, 12.0, 4.0, 1.5), strict=True)),
     **dict.fromkeys(("TS_x", "AI_x", "AI_y"), 6.0),
     **{name: 4.0 for name in NAMES if "_conoid_" in name},
 }
-"""How people differ in an earlier study, mm: not the prior's SDs, and nothing else differs."""
+"""SDs between people from an earlier study, mm: not the SDs of the prior, and 0 for all other sizes."""
 
 Sds = Float[np.ndarray, " sizes"]
 
@@ -50,31 +50,31 @@ WORLDS: dict[str, Callable[[ParameterSet], Sds]] = {
     "only the six": _as_given({name: OTHER_SDS[name] for name in ADAPTED}),
     "nobody": _as_given({}),
 }
-"""SD of each of ``SIZES`` between the people of a world about a set, in their units."""
+"""SD of each of ``SIZES`` between the people of a world about a set, in the units of the size."""
 
 
 @dataclass(frozen=True)
 class People:
-    """P persons, and what is true of them."""
+    """P simulated persons and the truth about them."""
 
     model: ParameterSet
     sds: Sds
     noise_deg: float
     motions: Motions
-    """With noise."""
+    """Motions with noise."""
     true_deg: Float[np.ndarray, "postures 6"]
     sizes: Float[np.ndarray, "sizes P"]
     closing: float
-    """The share of those drawn whose chain closes in every posture."""
+    """Share of the persons drawn whose chain closes in every posture."""
 
     @property
     def numbers_mm(self) -> Float[np.ndarray, "numbers P"]:
-        """Of the true girdles."""
+        """Numbers of the true girdles."""
         return np.asarray(self.model.girdle.numbers_mm)[:, None] + _per_unit(self.model) @ self.sizes
 
     @property
     def adapted_mm(self) -> Float[np.ndarray, "adapted P"]:
-        """The six of the true girdles."""
+        """Six adapted parameters of the true girdles."""
         return np.asarray(Girdle.of_numbers(self.numbers_mm).adapted_mm)
 
 
@@ -83,7 +83,7 @@ def _per_unit(model: ParameterSet) -> Float[np.ndarray, "numbers sizes"]:
 
 
 def simulate_people(model: ParameterSet, sds: Sds, count: int, noise_deg: float, seed: int) -> People:
-    """Simulate persons that move as the rhythm and their own girdles let them, fourteen postures each."""
+    """Simulate persons that follow the rhythm as closely as their own girdles allow, fourteen postures each."""
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(_DRAWN * count, generator)
     sizes = sds[:, None] * generator.standard_normal((len(SIZES), _DRAWN * count))
@@ -101,7 +101,7 @@ def simulate_people(model: ParameterSet, sds: Sds, count: int, noise_deg: float,
 
 
 def with_landmarks(people: People, noise_mm: float) -> Motions:
-    """Add positions of SC, AC, TS and AI on the true bones, wherever joints are and whatever frames the angles have."""
+    """Add positions of SC, AC, TS and AI on the true bones; sizes of joints and measured frames do not move them."""
     shown = (
         np.asarray(people.model.girdle.numbers_mm)[:, None]
         + _per_unit(people.model)[:, SHOWN_BY_LANDMARKS] @ (people.sizes[SHOWN_BY_LANDMARKS])
@@ -117,10 +117,10 @@ def with_landmarks(people: People, noise_mm: float) -> Motions:
 
 
 def limit(people: People, noise_deg: float) -> Float[np.ndarray, " adapted"]:
-    """Compute the SD that is left of each of the six, relative to the people's, when all is known of how people differ.
+    """Compute the smallest possible SD of each of the six parameters, relative to the people's, with the prior known.
 
-    The root mean square over persons of the posterior's, by the slopes at the truth: no estimate has smaller errors in
-    the mean, as far as the chain is linear over the SDs. NaN where people do not differ.
+    The root mean square over persons of the posterior SD, from the derivatives at the truth: no estimate has a smaller
+    mean error, as far as the chain is linear over the SDs. NaN where people do not differ.
     """
     rows = people.motions.subject_number
     angles = people.true_deg.T / DEG

@@ -1,4 +1,4 @@
-"""Simulated persons of other sizes than a cadaver: how they move, and the landmarks that a palpator records of them."""
+"""Simulated persons whose sizes differ from a cadaver's: their motions, and landmarks as a palpator records them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,44 +21,44 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 OTHER_SIZE = (0.08, 0.16)
-"""How much larger or smaller a bone is, as a share: one to two SDs between people (``models.effects.bones``)."""
+"""Range of the relative size difference of a bone: one to two SDs between people (``models.effects.bones``)."""
 
 _DRAWN = 2
-"""As many persons are drawn as are wanted, times this: of bones that fit each other badly no chain closes, and such a
-person is left out."""
+"""Persons drawn for each person wanted: where the bones fit each other badly the chain does not close, and the person
+is left out."""
 
 THORAX_MM = {"IJ": (0.0, 0.0, 0.0), "C7": (0.0, 40.0, 120.0), "PX": (0.0, -170.0, -10.0), "T8": (0.0, -150.0, 130.0)}
-"""Landmarks whose thorax frame is the identity at the origin."""
+"""Thorax landmarks, mm, whose thorax frame is the identity at the origin."""
 
 CHEST_SHARE = 0.5
-"""Of the ellipsoid's differences between people (Table 6.5), which hold the noise of their measurement too."""
+"""Share of the ellipsoid's published differences between people (Table 6.5), which include measurement noise."""
 
 
 RIBS_MM = 3.0
 """SD of a coordinate of a point palpated on the ribs through the skin. Assumed: three times the palpator's."""
 
 _AZIMUTHS_DEG, _HEIGHTS_MM = (-60.0, -30.0, 0.0, 25.0, 50.0), (-30.0, -70.0, -110.0, -150.0, -190.0)
-"""Of the points on front, side and back: from lateral toward backward; thorax y."""
+"""Azimuths (from lateral toward backward) and thorax y of the points on front, side and back."""
 
 
 @dataclass(frozen=True)
 class Persons:
-    """Subjects that move as their own girdle lets them, and what was palpated of each."""
+    """Subjects that move as their own girdle lets them, and their palpated landmarks and points."""
 
     motions: Motions
     palpated: dict[str, dict[str, Float[np.ndarray, "postures 3"]]]
-    """By subject and landmark, in the postures of the first motion, with noise."""
+    """Landmarks with noise by subject and name, in the postures of the first motion."""
     points_mm: dict[str, Float[np.ndarray, "3 points"]]
-    """On the thorax of each subject, thorax frame, with noise."""
+    """Points on the thorax of each subject, thorax frame, with noise."""
     landmarks_mm: dict[str, Float[np.ndarray, "postures 3"]]
     """TS and AI in every posture of the motions, palpated anew in each, thorax frame."""
 
 
 def simulate_persons(cadaver: ParameterSet, count: int, noise_deg: float, seed: int) -> Persons:
-    """Simulate persons whose clavicle, scapula and thorax are not the cadaver's.
+    """Simulate persons whose clavicle, scapula and thorax differ from the cadaver's.
 
-    A bone of another size is the cadaver's, larger or smaller by ``OTHER_SIZE``; the attachments go along. The
-    ellipsoid differs by ``CHEST_SHARE`` of ``PERSON_SD_MM``.
+    A bone is the cadaver's bone, larger or smaller by a share in ``OTHER_SIZE``, with its attachments. The ellipsoid
+    differs with ``CHEST_SHARE`` of ``PERSON_SD_MM``.
     """
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(_DRAWN * count, generator)
@@ -85,7 +85,7 @@ def simulate_persons(cadaver: ParameterSet, count: int, noise_deg: float, seed: 
 
 
 def sized(girdle: Girdle, clavicle: Float[np.ndarray, " n"], scapula: Float[np.ndarray, " n"]) -> Girdle:
-    """Make the bones of a girdle larger by these factors; its joints and its thorax stay."""
+    """Scale the bones of a girdle by these factors; its SC joint and its thorax stay."""
     many = girdle.repeated(len(clavicle))
     return replace(
         many,
@@ -99,7 +99,7 @@ def sized(girdle: Girdle, clavicle: Float[np.ndarray, " n"], scapula: Float[np.n
 
 
 def _palpated(of_row: Girdle, closed: Motions, generator: Generator) -> dict[str, dict[str, np.ndarray]]:
-    """The landmarks of the first motion of each subject, thorax frame, with a palpator's noise."""
+    """Return the landmarks in the first motion of each subject, thorax frame, with the palpator's noise."""
     at = landmarks(of_row, jnp.asarray(closed.angles_deg.T / DEG))
     position = {"SC": of_row.sc_mm, "AC": at.AC, "TS": at.TS, "AI": at.AI}
     found = {}
@@ -112,7 +112,7 @@ def _palpated(of_row: Girdle, closed: Motions, generator: Generator) -> dict[str
 
 
 def _on_thorax(girdle: Girdle, generator: Generator) -> Float[np.ndarray, "3 points"]:
-    """Points of the ellipsoid of one girdle, palpated."""
+    """Return palpated points on the ellipsoid of one girdle."""
     (_, M_y, M_z), (A_x, A_y, A_z) = np.asarray(girdle.centre_mm), np.asarray(girdle.semi_axes_mm)
     azimuth, y = (grid.ravel() for grid in np.meshgrid(np.radians(_AZIMUTHS_DEG), _HEIGHTS_MM))
     width = np.sqrt(np.maximum(1.0 - ((y - M_y) / A_y) ** 2, 0.0))
@@ -130,7 +130,7 @@ def point_table(persons: Persons) -> pd.DataFrame:
 
 
 def landmark_table(persons: Persons, subjects: Sequence[str] | None = None) -> pd.DataFrame:
-    """Tabulate what was palpated, as ``girdle model`` and ``girdle convert`` read it."""
+    """Tabulate the palpated landmarks, as ``girdle model`` and ``girdle convert`` read them."""
     blocks = []
     for subject in subjects or persons.motions.subjects:
         of = persons.palpated[subject]

@@ -1,8 +1,8 @@
-"""Which shipped set should give what was not measured of a person (`girdle model --model`): three ways to choose it.
+"""Which shipped set should supply the unmeasured numbers of a person (`girdle model --model`)? Three rules compared.
 
-Simulated persons are like a cadaver but for their sizes. Sets are made of their landmarks with every other shipped set
-as base, and adapted. The base is taken (a) at random, (b) as the one with TS and AI nearest to the thorax, but not
-inside it, (c) as the one with the smallest gap held out.
+Simulated persons have a cadaver's girdle with other sizes. Sets are made of their landmarks with every other shipped
+set as base, and adapted. The rules choose the base (a) at random, (b) as the one with TS and AI nearest to the thorax,
+but not inside it, (c) as the one with the smallest held-out gap.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from scripts.research.person.study_person import girdle
 
 
 def main() -> None:
-    """Simulate, make the sets of every base, adapt, and print."""
+    """Simulate persons, make their sets with every base, adapt them, and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--persons", type=int, default=30)
     parser.add_argument("--truth", nargs="+", default=list(model_names()), help="the cadavers that persons are like")
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def with_every_base(truth: str, count: int, seed: int, folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Give the gap held out, degrees, and the smaller distance of TS and AI, mm: a row a person, a column a base."""
+    """Return held-out gap, degrees, and smaller distance of TS and AI, mm: a row per person, a column per base."""
     folder.mkdir(parents=True)
     persons = simulate_persons(load_model(truth), count, 1.5, seed)
     landmark_table(persons).to_csv(folder / "landmarks.csv", index=False)
@@ -51,19 +51,19 @@ def with_every_base(truth: str, count: int, seed: int, folder: Path) -> tuple[pd
 
 
 def held_out_gaps(motions: Motions, sets: list[PersonalSets]) -> pd.DataFrame:
-    """Adapt all sets; give the mean gap held out, a row a subject, a column a set."""
+    """Adapt all sets; return the mean held-out gap, one row per subject, one column per set."""
     gaps = by_subject(adapt_subjects(motions, sets).heldout)
     return gaps.pivot_table("gap_unseen_deg", "subject", "model")
 
 
 def nearest(sets: PersonalSets) -> pd.Series:
-    """Give the smaller distance of TS and AI to the thorax, mm, by subject."""
+    """Return the smaller distance of TS and AI to the thorax, mm, by subject."""
     girdles = {name: one.girdle for name, one in sets.by_subject.items()}
     return pd.Series({name: min(float(g.ts_distance_mm), float(g.ai_distance_mm)) for name, g in girdles.items()})
 
 
 def row(gaps_deg: pd.DataFrame, nearest_mm: pd.DataFrame, truth: str) -> str:
-    """Format how often a base is warned of, and the mean gap held out with the base that each way takes."""
+    """Format how often a base has TS or AI inside the thorax, and the mean held-out gap with the base of each rule."""
     inside = nearest_mm < DEEPEST_MM
     others, near = gaps_deg.drop(columns=truth), nearest_mm.drop(columns=truth)
     outside = near.where(near >= DEEPEST_MM, np.inf)
@@ -73,7 +73,7 @@ def row(gaps_deg: pd.DataFrame, nearest_mm: pd.DataFrame, truth: str) -> str:
 
 
 def taken(gaps_deg: pd.DataFrame, by: pd.DataFrame) -> pd.Series:
-    """Give the gap of each person with the base that is least in ``by``."""
+    """Return the gap of each person with the base that has the least value in ``by``."""
     return pd.Series({person: gaps_deg.loc[person, base] for person, base in by.idxmin(axis=1).items()})
 
 

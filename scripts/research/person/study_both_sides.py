@@ -1,12 +1,12 @@
-"""Do both shoulders of a person have bones in common? Prints Markdown.
+"""Do the bones of a person's two shoulders correlate? Prints Markdown.
 
     python scripts/research/person/study_both_sides.py ../shared/motions/bonepin_*.csv
 
-Of subjects whose names are one person's (``motions.table.person_of``). With z of the sizes of both sides in SDs
-(``models.person.own_bones``), z_left, z_right ~ N(0, 1) with a correlation r of each pair. First -2 log of the
-likelihood of r, sizes integrated out about each shoulder's most probable ones; then what a shoulder's held-out motions
-gain where the other side, without that motion, too, says beforehand where its bones are. Both are computed as well with
-the other side of another person: what they gain all shoulders have in common, and not those of a person.
+Subjects whose names belong to one person (``motions.table.person_of``) form a pair. Model: the sizes z of each side, in
+SDs (``models.person.own_bones``), are N(0, 1), and each size has a correlation r between left and right.
+First table: -2 log likelihood of r, with the sizes integrated out about each shoulder's posterior mode. Second table:
+held-out gaps where the other side, also without the held-out motion, supplies a prior for the bones. As a control, both
+tables also pair each shoulder with another person's: that gain is common to all shoulders, not to one person's.
 """
 
 import argparse
@@ -34,13 +34,13 @@ from scripts.reporting import markdown, measured
 
 CORRELATIONS = (0.3, 0.5, 0.7, 0.9)
 HELD_OUT_AT = 0.7
-"""Where the likelihood of the bones is highest."""
+"""Correlation for the second table, where the likelihood of the bones is highest."""
 
 _GROUP = np.array([one.group for one in SIZES])
 
 
 class Told(NamedTuple):
-    """What is believed of sizes in SDs, one row each shoulder: N(mean, covariance)."""
+    """Gaussian belief N(mean, covariance) about sizes in SDs, one row per shoulder."""
 
     mean: Float[np.ndarray, "shoulders sizes"]
     covariance: Float[np.ndarray, "shoulders sizes sizes"]
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def sides_of(subjects: Sequence[str]) -> Int[np.ndarray, "persons 2"]:
-    """Give the numbers of both shoulders of each person who has two."""
+    """Return the indices of both shoulders of each person who has two."""
     of: dict[str, list[int]] = {}
     for k, name in enumerate(subjects):
         of.setdefault(person_of(name), []).append(k)
@@ -69,30 +69,30 @@ def sides_of(subjects: Sequence[str]) -> Int[np.ndarray, "persons 2"]:
 
 
 def pairings(pairs: Int[np.ndarray, "persons 2"]) -> list[Int[np.ndarray, "persons 2"]]:
-    """Give every first side a second one in every way: as it is, and then those in which nobody has an own one."""
+    """Pair first sides with second sides: the true pairs, then every pairing in which nobody keeps their own."""
     ways = np.array(list(permutations(range(len(pairs)))))
     strangers = ways[(ways != np.arange(len(pairs))).all(axis=1)]
     return [pairs, *(np.column_stack([pairs[:, 0], pairs[way, 1]]) for way in strangers)]
 
 
 def of_angles(own: OwnBones) -> Told:
-    """The posterior of the sizes of each shoulder alone."""
+    """Return the posterior of the sizes of each shoulder alone."""
     sd = np.where(own.prior_sd > 0.0, own.prior_sd, 1.0).T
     covariance = np.moveaxis(own.covariance, -1, 0) / (sd[:, :, None] * sd[:, None])
     return Told(own.sizes.T / sd, covariance)
 
 
 def told_by_other_side(other: Told, correlation: Float[np.ndarray, " sizes"]) -> Told:
-    """What postures of the other side say of this one: N(r m, r P r + 1 - r^2) of the other side's N(m, P)."""
+    """Convert the other side's posterior N(m, P) into a prior of this side: N(r m, r P r + 1 - r^2)."""
     each = np.diag(1.0 - correlation**2)
     return Told(correlation * other.mean, correlation[:, None] * other.covariance * correlation + each)
 
 
 def minus_two_log_likelihood(one: Told, other: Told, correlation: Float[np.ndarray, " sizes"]) -> float:
-    """Compute it of a pair, less that without a correlation.
+    """Compute -2 log likelihood of the correlation for one pair, relative to no correlation.
 
-    A posterior N(m, P) with the prior N(0, 1) has seen L = P^-1 - 1 and v = P^-1 m. With the prior S of both it is
-    log det(1 + S L) - v' (1 + S L)^-1 S v.
+    A posterior N(m, P) with the prior N(0, 1) contains the information L = P^-1 - 1 and v = P^-1 m. With the joint
+    prior covariance S the value is log det(1 + S L) - v' (1 + S L)^-1 S v.
     """
     n = len(correlation)
     inverse = np.zeros((2 * n, 2 * n))
@@ -109,7 +109,7 @@ def minus_two_log_likelihood(one: Told, other: Told, correlation: Float[np.ndarr
 
 
 def likelihood_table(motions: Motions, models: Sequence[ParameterSet], pairs: Int[np.ndarray, "persons 2"]) -> str:
-    """Tabulate it by group and correlation, mean over the sets; in brackets the range with strangers."""
+    """Tabulate -2 log likelihood by group and correlation, mean over the sets; in brackets the range of the control."""
     rows, lines = posture_rows(motions), []
     data = problems_of(rows, models)
     spread = spread_of(models, rows.subjects)
@@ -139,7 +139,7 @@ def _at(told: Told, k) -> Told:
 
 
 def held_out_table(motions: Motions, models: Sequence[ParameterSet], pairs: Int[np.ndarray, "persons 2"]) -> str:
-    """Tabulate held-out gaps with nothing of the other side, with it, and with that of others."""
+    """Tabulate held-out gaps of each side alone, with the other side, and with another person's side."""
     rows = posture_rows(motions)
     correlation = np.where(_GROUP == "bones", HELD_OUT_AT, 0.0)
     lines, ways = [], pairings(pairs)
@@ -165,7 +165,7 @@ def _gaps(rows: PostureRows, model: ParameterSet, pairs, correlation) -> tuple[f
 
 
 def with_belief(data: Problems, spread: Spread, told: Told) -> tuple[Problems, Spread]:
-    """Move every girdle to the mean, and turn the columns, so that sizes ~ N(0, 1) are sizes ~ N(m, P)."""
+    """Shift every girdle to the mean and transform the columns, so that sizes ~ N(0, 1) become sizes ~ N(m, P)."""
     moved = np.einsum("ksp,ps->kp", spread.columns_mm, told.mean)
     columns = np.einsum("ksp,pst->ktp", spread.columns_mm, np.linalg.cholesky(told.covariance))
     girdle = Girdle.of_numbers(np.asarray(data.girdle.numbers_mm) + moved)
@@ -173,7 +173,7 @@ def with_belief(data: Problems, spread: Spread, told: Told) -> tuple[Problems, S
 
 
 def _parts(rows: PostureRows, pairs):
-    """Each shoulder without each of its motions, and the other one without this one."""
+    """Return each shoulder without each of its motions, and the other side without the same motion."""
     motion, counted = rows.packed(rows.motion), np.asarray(rows.counted)
     found = [
         (one, other, counted[:, one] & ~tested, counted[:, other] & (motion[:, other] != name), tested)

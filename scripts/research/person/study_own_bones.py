@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Does an adaptation gain from bones of each person's own (`girdle adapt --own-bones`)? Prints Markdown.
+"""Does an adaptation gain from each person's own bones (`girdle adapt --own-bones`)? Prints Markdown.
 
     python scripts/research/person/study_own_bones.py --held-out ../shared/motions/bonepin_*.csv
     python scripts/research/person/study_own_bones.py --noise ../shared/motions/bonepin_*.csv
@@ -11,11 +11,11 @@
     python scripts/research/person/study_own_bones.py --positions ../shared/motions_positions
     python scripts/research/person/study_own_bones.py --time ../shared/motions/bonepin_*.csv
 
---held-out: measured motions, each held out in turn. --noise: the same, by the noise that is assumed. --truth: simulated
-people whose bones are known. --intervals: which of them hold the truth, by how many persons a run has. --few: few
-postures, one motion, one person, missing angles; simulated people, and measured motions where they are named.
---landmarks: simulated people with positions of landmarks. --positions: measured positions, which no fit has seen, as a
-judge. --time: against the plain adaptation.
+--held-out: measured motions, each held out in turn. --noise: the same, for several assumed SDs of the noise. --truth:
+simulated people with known bones. --intervals: how many intervals hold the truth, by the number of persons in a run.
+--few: few postures, one motion, one person, missing angles; simulated people, and measured motions where files are
+given. --landmarks: simulated people with positions of landmarks. --positions: distances to measured positions that no
+fit has used. --time: compared with the plain adaptation.
 """
 
 import argparse
@@ -64,7 +64,7 @@ NORMAL_95 = 1.96
 
 
 def main() -> None:
-    """Print the parts that are asked for."""
+    """Print the requested parts."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--held-out", nargs="+", type=Path, metavar="MOTIONS")
     parser.add_argument("--noise", nargs="+", type=Path, metavar="MOTIONS")
@@ -104,7 +104,7 @@ def main() -> None:
 
 
 def held_out_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
-    """Tabulate gaps of motions held out, means over subjects; ellipsoids; parameters at a bound."""
+    """Tabulate held-out gaps, means over subjects; ellipsoids; parameters at a bound."""
     header = ["set", "adaptation", "clavicle, deg", "scapula, deg", "A_y, mm", "its range", "A_z, mm", "D, rms mm"]
     header += ["at a bound", f"beyond {FAR_SDS:g} SDs: the six", "of all", "plain kept", "failed"]
     lines = []
@@ -132,7 +132,7 @@ def _kept(parameters: pd.DataFrame) -> str:
 
 
 def far(model: ParameterSet, result: Adaptations) -> tuple[str, str]:
-    """Count sizes farther from the set's than people are: of the six, and of all where bones were adapted."""
+    """Count sizes farther from the set's than ``FAR_SDS``: among the six, and among all where bones were adapted."""
     own, six = result.problems.own_bones, (result.problems.adapted.theta_mm.T - model.girdle.adapted_mm).T
     six = np.abs(six) > FAR_SDS * spread_about(model).sd[: len(ADAPTED), None]
     every = "-" if own is None else f"{(np.abs(own.sizes) > FAR_SDS * own.prior_sd).sum()} of {own.sizes.size}"
@@ -143,7 +143,7 @@ NOISES_DEG = (0.4, 0.8, 1.2, 1.6, 2.4, 4.0)
 
 
 def noise_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
-    """Tabulate gaps of motions held out with one noise for all and no scale learnt, and how far the sizes go."""
+    """Tabulate held-out gaps and the largest sizes, with one noise SD for all and no learnt scale."""
     header = [
         "set",
         "noise, deg",
@@ -168,7 +168,7 @@ def noise_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
 
 
 def print_truth(model: ParameterSet, worlds: Sequence[str], count: int, seed: int) -> None:
-    """Print errors of the six; then coverage, what is learnt, and gaps of held-out motions."""
+    """Print errors of the six parameters; then coverage, learnt scales, and held-out gaps."""
     errors, gaps = [], []
     for name in worlds:
         people = simulate_people(model, WORLDS[name](model), count, NOISE_DEG, seed)
@@ -182,7 +182,7 @@ def print_truth(model: ParameterSet, worlds: Sequence[str], count: int, seed: in
 
 
 def error_lines(name: str, people: People) -> Iterator[list[str]]:
-    """Format root mean square errors of the six."""
+    """Format root mean square errors of the six parameters."""
     truth = people.adapted_mm
 
     def line(word: str, errors: Float[np.ndarray, "adapted persons"]) -> list[str]:
@@ -215,7 +215,7 @@ def gap_line(name: str, people: People) -> list[str]:
 
 
 def covered(fitted: Fitted, people: People) -> tuple[OwnBones, list[float], int]:
-    """Give the sizes, the shares of each group that are in their intervals, and how many persons failed."""
+    """Return the sizes, the share of each group that is within its intervals, and the number of failed persons."""
     own, good = fitted.result.problems.own_bones, fitted.result.problems.adapted.status == status.OK
     assert own is not None
     inside = (np.abs(own.sizes - people.sizes) <= NORMAL_95 * own.sd)[:, good]
@@ -224,7 +224,7 @@ def covered(fitted: Fitted, people: People) -> tuple[OwnBones, list[float], int]
 
 
 def intervals_table(model: ParameterSet, worlds: Sequence[str], seeds: Sequence[int], count: int) -> str:
-    """Tabulate coverage by how many of the same persons are adapted in a run; in parentheses the runs, if few."""
+    """Tabulate coverage by the number of persons in a run, over the same persons; with few runs also their range."""
     header, lines = ["world", "persons in a run", "runs", "in intervals: the six", *GROUPS[1:], "failed"], []
     for name in worlds:
         everybody = [simulate_people(model, WORLDS[name](model), count, NOISE_DEG, seed) for seed in seeds]
@@ -244,7 +244,7 @@ FEW_IN_A_RUN, FEW_RUNS = (1, 3, 5, 10, 20), 5
 
 
 def in_runs(people: People, size: int) -> Iterator[People]:
-    """Take so many persons at a time."""
+    """Split the persons into runs of this size."""
     names = people.motions.subjects
     for first in range(0, len(names) - size + 1, size):
         some = np.isin(people.motions.subject, names[first : first + size])
@@ -253,9 +253,9 @@ def in_runs(people: People, size: int) -> Iterator[People]:
 
 
 def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> list[tuple[float, float]]:
-    """Average the gaps of clavicle and scapula against the truth, and against what was measured.
+    """Average the gaps of clavicle and scapula relative to the truth, and relative to the measured angles.
 
-    Each kind of motion is held out of all subjects at once, and the scales are learnt without it too.
+    Each kind of motion is held out of all subjects at once, also when the scales are learnt.
     """
     gaps = []
     for kind in dict.fromkeys(motions.motion.tolist()):
@@ -266,21 +266,21 @@ def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> 
 
 
 def predicted(motions: Motions, seen: Bool[np.ndarray, " postures"], unseen, model: ParameterSet, options):
-    """Adapt to some postures and simulate others, rad."""
+    """Adapt to the postures ``seen`` and simulate the postures ``unseen``, rad."""
     return adapted_to(motions.select(seen), model, **options).angles(motions.select(unseen))
 
 
 FEW = (1, 2, 3, 5)
-"""Postures of the first motion that are adapted to."""
+"""Numbers of postures of the first motion for the adaptation."""
 
 MISSING_SHARE = 0.2
 
 
 def few_table(motions: Motions, model: ParameterSet, true_deg: Float[np.ndarray, "postures 6"] | None = None) -> str:
-    """Tabulate gaps of other motions where little was measured, against the truth or, without it, what was measured.
+    """Tabulate gaps of other motions after adaptation to few data, relative to the truth or, if unknown, to data.
 
-    Of everybody together, and of each person alone, when no scale is learnt. Of angles that were measured, in postures
-    that every adaptation predicts.
+    Adapted all persons together, and each person alone, without learnt scales. The gaps are of measured angles in
+    postures that every adaptation predicts.
     """
     alone = {"own_bones": LearntPeople(NO_SDS, {model.name: Scales()}, {model.name: {}})}
     ways: dict[str, Any] = {"plain": {}, "own bones": ADAPTATIONS["own bones"], "own bones, each alone": alone}
@@ -297,7 +297,7 @@ def few_table(motions: Motions, model: ParameterSet, true_deg: Float[np.ndarray,
 
 
 def cases(motions: Motions):
-    """Give names, motions, and the postures to adapt to and to predict: those of the other motions."""
+    """Yield a name, the motions, and masks of the postures to adapt to and of those to predict (other motions)."""
     first = np.zeros(len(motions.subject), bool)
     for rows in motions.rows_by_subject():
         first[rows[motions.motion[rows] == motions.motion[rows[0]]]] = True
@@ -322,7 +322,7 @@ LANDMARK_NOISE_MM = 3.0
 
 
 def landmarks_table(people: People) -> str:
-    """Tabulate SDs, errors and coverage of what landmarks show, and gaps of motions held out, without them and with."""
+    """Tabulate SDs, errors and coverage of the sizes that landmarks determine, and held-out gaps, without and with."""
     lines, shown = [], SHOWN_BY_LANDMARKS
     for word, motions in (("angles", people.motions), ("and landmarks", with_landmarks(people, LANDMARK_NOISE_MM))):
         result = adapt_subjects(motions, people.model, **ADAPTATIONS["own bones"])
@@ -342,12 +342,12 @@ def landmarks_table(people: People) -> str:
 
 
 def positions_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
-    """Tabulate how far SC and AA of motions held out are from where they are predicted, root mean square, mm.
+    """Tabulate root mean square distances, mm, between measured and predicted SC and AA on held-out motions.
 
     The constants of each person are fitted to the other motions (``adapt.evaluation.person_constants``).
     """
     rows, batch = [], posture_rows(motions)
-    angles = replace(motions, landmarks_mm={})  # positions judge, and no fit has seen them
+    angles = replace(motions, landmarks_mm={})  # no fit uses the positions: they are for the comparison
     for model in models:
         found = {
             way: adapt_subjects(angles, model, **ADAPTATIONS[way]).of(model.name) for way in ("plain", "own bones")
@@ -369,7 +369,7 @@ def positions_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
 
 
 def rigid(model: ParameterSet, rows: PostureRows) -> Chains:
-    """Lay out the bones at the measured angles."""
+    """Place the bones at the measured angles, without closing the chain."""
     poses = bone_poses(model.girdle.repeated(len(rows.subject)), rows.angles)
     every = np.ones(len(rows.subject), bool)
     return Chains(poses, np.arange(len(rows.subject)), rows.subject, every, every)
@@ -383,13 +383,13 @@ SUBJECTS, REPEATS, THREE_SETS = 1000, 3, ("breteler_dissection", "R2", "R4")
 
 
 def print_times(files: Sequence[Path], subjects: int = SUBJECTS, repeats: int = REPEATS) -> None:
-    """Print seconds of both adaptations in turn, with the load of the machine."""
+    """Print the seconds of both adaptations, run alternately, with the load of the machine."""
     print(f"load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\n")
     print(markdown(["run", "plain, s", "own bones, s", "ratio in each pair"], time_lines(files, subjects, repeats)))
 
 
 def time_lines(files: Sequence[Path], subjects: int, repeats: int) -> Iterator[list[str]]:
-    """Time simulated subjects in Python, and whole commands with three sets."""
+    """Time the adaptation of simulated subjects in Python, and whole commands with three sets."""
     model = load_model("R2")
     motions = simulate_model_subjects(model, None, subjects, NOISE_DEG, 0).motions
     few = motions.select(np.isin(motions.subject, motions.subjects[:12]))
@@ -398,7 +398,7 @@ def time_lines(files: Sequence[Path], subjects: int, repeats: int) -> Iterator[l
         return lambda: adapt_subjects(some, model, held_out=(), **ADAPTATIONS[way])
 
     for way in ("plain", "own bones"):
-        run(few, way)()  # what is compiled, or read from the cache
+        run(few, way)()  # compiles the program, or reads it from the cache
     yield _pairs(f"{subjects} simulated subjects, R2", run(motions, "plain"), run(motions, "own bones"), repeats)
     for name, some in (("ten shipped subjects", [DATA_FILE]), ("measured shoulders", files)):
         if some:

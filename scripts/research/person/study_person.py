@@ -4,8 +4,8 @@
 
     .venv/bin/python scripts/research/person/study_person.py --persons 40 --out out/person
 
-Each person's clavicle, scapula and thorax differ from the cadaver's. Their landmarks are palpated with noise, their own
-sets made by ``girdle model``, and both sets adapted to their (noisy) motions.
+Each person's clavicle, scapula and thorax differ from the cadaver's. Their landmarks are palpated with noise,
+``girdle model`` makes their own sets, and both sets are adapted to their (noisy) motions.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from scripts.research.person.simulated_persons import landmark_table, point_tabl
 
 
 def main() -> None:
-    """Simulate, make the sets, adapt, and print."""
+    """Simulate persons, make their sets, adapt, and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--persons", type=int, default=40)
     parser.add_argument("--model", default="R2", help="the cadaver whose sizes they do not have")
@@ -54,14 +54,14 @@ def main() -> None:
 
 
 def girdle(*arguments: str) -> None:
-    """Run a command of this project; its output only where it fails (3: some subjects were left out)."""
+    """Run a command of this project; exit with its output where it fails (status 3: some subjects were left out)."""
     ended = subprocess.run([sys.executable, "-m", "adapt", *arguments], capture_output=True, text=True, check=False)
     if ended.returncode not in (0, 3):
         sys.exit(ended.stdout + ended.stderr)
 
 
 def with_landmarks(without: Path, seen: Path) -> str:
-    """Tabulate the held-out gaps of each set, adapted without and with TS and AI, and for how many L helps."""
+    """Tabulate held-out gaps per set, adapted without and with TS and AI, and the number of subjects that gain."""
     lines = ["| set | held out | held out, with landmarks | smaller |", "|---|---|---|---|"]
     before, after = (held_out(folder) for folder in (without, seen))
     for model in before.index.unique("model"):
@@ -71,13 +71,13 @@ def with_landmarks(without: Path, seen: Path) -> str:
 
 
 def held_out(folder: Path) -> pd.Series:
-    """Mean held-out gap, degrees, by model and subject."""
+    """Compute the mean held-out gap, degrees, by model and subject."""
     unseen = pd.read_csv(folder / "heldout.csv")
     return pd.Series(unseen[unseen["status"] == "ok"].groupby(["model", "subject"])["gap_unseen_deg"].mean())
 
 
 def compared(folder: Path, cadaver: str, persons: int) -> str:
-    """Tabulate the gaps of the two sets, before and after adaptation, seen and held out, and who gains."""
+    """Tabulate the gaps of both sets before and after adaptation and held out, and the number of subjects that gain."""
     fits, held = pd.read_csv(folder / "fits.csv"), held_out(folder)
     fits["gap"] = fits.filter(regex=r"_difference_deg$").abs().mean(axis=1)
     seen = fits[fits["status"] == "ok"].groupby(["model", "adapted", "subject"])["gap"].mean()

@@ -1,1 +1,1 @@
-"""How fast are the fits, beside solvers that others wrote, and beside what the machine can reach?"""
+"""How fast are the fits, beside other solvers and beside the peak performance of the machine?"""

@@ -1,9 +1,9 @@
-"""How long a diagnosis takes, stage by stage: the first run of a process with empty caches, then later ones.
+"""Time a diagnosis, stage by stage: the first run of a process with empty caches, then later runs.
 
     python scripts/research/speed/measure_diagnosis.py                                  ten simulated subjects, R2
     python scripts/research/speed/measure_diagnosis.py ../shared/motions/*.csv --model breteler_mri
 
-Prints Markdown. Cold: nothing has been compiled yet on this machine. Warm: the least of three in one process.
+Prints Markdown. Cold: nothing has been compiled yet on this machine. Warm: the shortest of three runs in one process.
 """
 
 import json
@@ -27,13 +27,13 @@ from scripts.reporting import markdown
 WARM_RUNS = 3
 
 SEARCH, GAPS = "search for causes", "gaps of girdle adapt, and with the causes"
-"""The stages; a diagnosis says when the second one begins."""
+"""The stages; the diagnosis reports the beginning of the second one."""
 
 app = typer.Typer(add_completion=False)
 
 
 def stages_s(files: list[Path], model: str) -> dict[str, float]:
-    """Diagnose once; seconds by stage."""
+    """Diagnose once; return the seconds of each stage."""
     motions, parameters, said = read_motions(*files), load_model(model), {}
     begun = time.perf_counter()
     diagnose(motions, parameters, progress=lambda stage: said.setdefault(stage, time.perf_counter()))
@@ -42,7 +42,7 @@ def stages_s(files: list[Path], model: str) -> dict[str, float]:
 
 
 def cold_s(files: list[Path], model: str) -> dict[str, float]:
-    """The same in a process of its own with an empty cache folder."""
+    """Diagnose once in a separate process with an empty cache folder; return the seconds of each stage."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, __file__, *map(str, files), "--model", model, "--once"]
         environment = os.environ | {"XDG_CACHE_HOME": folder, "PYTHONPATH": os.pathsep.join(sys.path)}

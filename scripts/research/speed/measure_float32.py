@@ -1,7 +1,7 @@
-"""The fits in float32 beside those in float64, of simulated subjects or motion files: how far apart, how much faster.
+"""Compare the fits in float32 with those in float64, on simulated subjects or motion files: errors and speed.
 
-Errors are of simulated angles, of parameters (also in units of their SD) and of E: of each lane (subject or posture
-with a model) the largest. Times are of the same adaptations and posture fits in turn; ratios are medians.
+Errors are of simulated angles, of parameters (also in units of their SD) and of E: the largest of each lane (a subject
+or posture with a model). Times are of the same adaptations and posture fits, run alternately; ratios are medians.
 """
 
 import os
@@ -39,15 +39,18 @@ from scripts.reporting import timed  # noqa: E402
 SEED = 11
 
 SAME_E, SAME_DEG2, SAME_DEG = 1e-5, 1e-3, 0.1
-"""Relative change of E, change of J and of an angle up to which two optima are one: ten times and more what rounding
-leaves in float32. Where angles were not measured another optimum may be as low."""
+"""Largest relative change of E, change of J and change of an angle between equal optima: at least ten times the
+rounding error of float32. Where angles were not measured, another optimum may have the same objective."""
 
 app = typer.Typer(add_completion=False)
 
 
 def errors(motions: Motions, models: Sequence[ParameterSet]) -> dict[str, Any]:
-    """What ``dtype=float32`` changes, lane by lane: of those that ended in the same optimum the largest change; how
-    many ended in another one, of lower or of higher E or J; and of how many the status differs."""
+    """Compare ``dtype=float32`` with float64, lane by lane.
+
+    Returns the changes in lanes with equal optima, and the number of lanes with another optimum, of lower or higher E
+    or J, or with another status.
+    """
     results = [adapt_subjects(motions, models, dtype=dtype) for dtype in (np.float64, np.float32)]
     one, other = (_joined(result.adapted) for result in results)
     angle_deg = np.abs(other["angles"] - one["angles"]).max(axis=(0, 1)) * DEG
@@ -68,13 +71,13 @@ def errors(motions: Motions, models: Sequence[ParameterSet]) -> dict[str, Any]:
 
 
 def _joined(results: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """The lanes of every model."""
+    """Concatenate the lanes of all models."""
     every = [one._asdict() | {"status": one.status} for one in results.values()]
     return {name: np.concatenate([one[name] for one in every], axis=-1) for name in every[0]}
 
 
 def _compared(one, other, change, least: float, angle_deg) -> tuple[np.ndarray, dict[str, int]]:
-    """The lanes that ended in one optimum, and what became of the others."""
+    """Return a mask of the lanes with equal optima, and counts of the other lanes."""
     near = angle_deg <= SAME_DEG
     both = (one["status"] == status.OK) & (other["status"] == status.OK)
     counts = {
@@ -92,7 +95,7 @@ def _spread(values: np.ndarray) -> dict[str, float]:
 
 
 def shares_in_float64(data: Problems) -> dict[str, float]:
-    """Of posture fits, with the models as they are, and of adaptations: those that did not converge in float32."""
+    """Return the shares of posture fits (with unadapted models) and of adaptations that do not converge in float32."""
     single = as_type(data, np.float32)
     girdle, angles, measured = of_postures(single)
     fits = newton.fit_postures(girdle, angles, measured)
@@ -103,7 +106,7 @@ def shares_in_float64(data: Problems) -> dict[str, float]:
 
 
 def of_postures(data: Problems) -> tuple[Any, np.ndarray, np.ndarray]:
-    """Girdle, angles (at rest where not measured) and what was measured, of each posture that counts."""
+    """Return girdle, angles (rest posture where not measured) and mask of measured angles of each counted posture."""
     posture, problem = np.nonzero(data.counted)
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
     rest = (REST_DEG[:, None] / DEG).astype(angles.dtype)
@@ -111,7 +114,7 @@ def of_postures(data: Problems) -> tuple[Any, np.ndarray, np.ndarray]:
 
 
 def speeds(data: Problems, repeats: int) -> dict[str, float]:
-    """Times as fast in float32: posture fits, and adaptations with all their starts and rounds."""
+    """Compute how many times as fast float32 is: posture fits, and adaptations with all their starts and rounds."""
 
     def ratio(run: Callable[[Problems], Any]) -> float:
         both = [as_type(data, dtype) for dtype in (np.float64, np.float32)]
@@ -127,7 +130,7 @@ def speeds(data: Problems, repeats: int) -> dict[str, float]:
 
 
 def command_speed(motions: Motions, models: Sequence[str], repeats: int) -> float:
-    """The same of ``girdle adapt``, in CPU time, which other work on the machine disturbs less."""
+    """Compute the ratio for ``girdle adapt`` from CPU times, which other work on the machine disturbs less."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "motions.csv"
         write_motions(motions, file)
@@ -151,7 +154,7 @@ def measure(
     repeats: Annotated[int, typer.Option(min=1)] = 5,
     command: Annotated[bool, typer.Option(help="Time girdle adapt too.")] = True,
 ) -> None:
-    """Measure."""
+    """Measure errors and speed of float32, and print them."""
     keep_compiled()
     table = read_motions(*motions) if motions else simulate_subjects(subjects, seed=SEED)
     models = [load_model(name) for name in model]

@@ -1,9 +1,8 @@
-"""The adaptation on a GPU, by XLA and by PTX from the kernel's own text, against machine code on the CPU: same results,
-and how fast.
+"""Run the adaptation on a GPU, by XLA and by PTX from the kernel's own text; compare results and speed with the CPU.
 
-Runs unattended in a few minutes. It makes its own (simulated) subjects, works on them on each platform in a process of
-its own, compares the results and writes a table as Markdown and as JSON. Without a GPU it measures the CPU alone and
-says so.
+Runs unattended in a few minutes. The script simulates its own subjects, adapts them on each platform in a separate
+process, compares the results with the machine code on the CPU and writes a table as Markdown and as JSON. Without a GPU
+it measures the CPU alone and says so.
 """
 
 import json
@@ -31,17 +30,17 @@ from scripts.research.speed.one_start import solved_from_geometric_fit  # noqa: 
 from scripts.research.speed.ptx_kernel import STAGES, run_on_gpu  # noqa: E402
 
 SAME = 1e-8
-"""Relative difference of E that float64 on another device may have."""
+"""Largest relative difference of a parameter between float64 on two devices."""
 
 SEED = 5
 
 PTX = "ptx"
-"""The GPU by PTX, beside the names of JAX's platforms."""
+"""Name of the GPU by PTX, beside the names of JAX's platforms."""
 
 REPEATS = 3
 
 DIFFERENT = 65536
-"""Subjects that are simulated; more are copies of them, or making them would take longer than all else."""
+"""Number of different simulated subjects. Larger counts repeat them: simulating more would dominate the run time."""
 
 app = typer.Typer(add_completion=False)
 
@@ -53,12 +52,12 @@ def measure(
     sizes: Annotated[str, typer.Option(help="Numbers of simulated subjects.")] = "1024,16384,65536,1048576",
     worker: Annotated[str, typer.Option(hidden=True)] = "",
 ) -> None:
-    """Measure and compare every platform there is."""
+    """Measure and compare all platforms of this machine."""
     counts = [int(word) for word in sizes.split(",")]
     if worker:
         if worker not in ("cpu", PTX):
-            counts = [one for one in counts if one <= DIFFERENT]  # a million takes XLA minutes
-            Kernel.__call__ = Kernel.by_jax  # where there is machine code, that is what runs, beside a GPU too
+            counts = [one for one in counts if one <= DIFFERENT]  # XLA takes minutes for a million
+            Kernel.__call__ = Kernel.by_jax  # otherwise a kernel runs as machine code, even with a GPU
         print(json.dumps(_measured(model, counts, out / f"{worker}.npy")))
         return
     out.mkdir(parents=True, exist_ok=True)
@@ -78,7 +77,7 @@ def measure(
 
 
 def _accelerators() -> list[str]:
-    """Asked in a process of its own, which gives the device back."""
+    """List the accelerators, asking JAX in a separate process so that the device is released."""
     code = "import jax; print(jax.default_backend())"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     names = [name for name in ended.stdout.split() if name != "cpu"]
@@ -87,14 +86,14 @@ def _accelerators() -> list[str]:
 
 def _in_its_own_process(platform: str, model: str, sizes: str, out: Path) -> dict[str, Any]:
     command = [sys.executable, __file__, "--worker", platform, "--model", model, "--sizes", sizes, "--out", str(out)]
-    # The names of plugins and of what they say of themselves differ: "gpu" is that of all.
+    # Names of plugins and the platform names that they report differ; by default JAX takes the GPU.
     environment = os.environ | ({"JAX_PLATFORMS": "cpu"} if platform in ("cpu", PTX) else {})
     ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
     return json.loads(ended.stdout.splitlines()[-1])
 
 
 def _measured(model: str, counts: list[int], path: Path) -> dict[str, Any]:
-    """Seconds by number of subjects, the first run apart, and theta and convergence of the largest to ``path``."""
+    """Time the adaptation by number of subjects, the first run separately; save the last theta and convergence."""
     seconds, first, stages = {}, {}, {}
     start = time.perf_counter()
     on_gpu = run_on_gpu([subjects_kernel]) if path.stem == PTX else {}
@@ -127,7 +126,7 @@ def _simulated(model: str, count: int) -> Problems:
 
 
 def _difference(found: np.ndarray, expected: np.ndarray) -> dict[str, Any]:
-    """Of the parameters, relative, where both converged."""
+    """Summarise the relative differences of the parameters where both runs converged."""
     both = (found[-1] > 0) & (expected[-1] > 0)
     off = np.abs(found[:-1, both] / expected[:-1, both] - 1.0).max(axis=0)
     return {

@@ -1,12 +1,12 @@
-"""Where the time of one iteration of the adaptation goes: a roofline of its machine code. Simulated subjects.
+"""Where does the time of one iteration of the adaptation go? A roofline of its machine code. Simulated subjects.
 
 Counted: the instructions of one iteration of a block of eight subjects, by kind, in the assembly that LLVM makes of the
-kernel, each with how often its loop runs (``roofline/counted.py``). Loads and stores that LLVM's text does not
-ask for are spills.
+kernel, each times the runs of its loop (``roofline/counted.py``). Loads and stores that are not in LLVM's text are
+spills.
 
-Measured in CPU time, by the same compiler and threads: what the machine reaches (``roofline/reached.py``), the
-kernel, and the kernel with other instructions of AVX-512 in the place of its divisions and square roots. With those of
-28 bits only the time of an iteration is of use.
+Measured in CPU time, with the same compiler and threads: the peak performance of the machine (``roofline/reached.py``),
+the kernel, and the kernel with other AVX-512 instructions instead of its divisions and square roots. The variants with
+28 bits are not accurate: only the time of an iteration is useful.
 """
 
 import copy
@@ -34,7 +34,7 @@ from scripts.research.speed.roofline import counted, reached  # noqa: E402
 from scripts.research.speed.side_by_side import first_iterations, prepared  # noqa: E402
 
 BLOCK = 8
-"""Subjects in a register."""
+"""Subjects per register."""
 
 _V = "<8 x double>"
 _DIVISION = re.compile(rf"  (%v\d+) = fdiv contract {_V} (.+), ([^,\n]+)$", re.MULTILINE)
@@ -44,8 +44,11 @@ app = typer.Typer(add_completion=False)
 
 
 def with_reciprocals(text: str, steps: int) -> str:
-    """Divide by AVX-512's reciprocal of 14 bits after so many Newton steps. After two, a step of the quotient makes it
-    the same to rounding, but for divisors that are 0 or infinite; one leaves 28 bits."""
+    """Replace divisions by AVX-512's 14-bit reciprocal and so many Newton steps.
+
+    After two steps and a correction of the quotient the result is the same to rounding, except for divisors that are 0
+    or infinite; one step leaves 28 bits.
+    """
 
     def quotient(found: re.Match[str]) -> str:
         q, a, b = found.groups()
@@ -63,7 +66,7 @@ def with_reciprocals(text: str, steps: int) -> str:
 
 
 def with_estimated_roots(text: str) -> str:
-    """x / sqrt(x) by AVX-512's estimate of 14 bits after one Newton step, 28 bits."""
+    """Replace square roots by x / sqrt(x) from AVX-512's 14-bit estimate and one Newton step, which leaves 28 bits."""
 
     def root(found: re.Match[str]) -> str:
         y, x = found.groups()
@@ -105,23 +108,23 @@ VARIANTS: dict[str, Callable[[str], str]] = {
 
 
 def variant(edit: Callable[[str], str]) -> Kernel:
-    """The subject sweep from its edited text."""
+    """Make the subject sweep from its edited text."""
     kernel = copy.copy(subjects_kernel)
     kernel._functions = {}
-    kernel.name = f"edited{zlib.crc32(edit(subjects_kernel.build().text()).encode())}"  # compiled code is kept by it
+    kernel.name = f"edited{zlib.crc32(edit(subjects_kernel.build().text()).encode())}"  # key of compiled code
     text = edit(kernel.build().text())
     kernel.build = lambda _: SimpleNamespace(text=lambda: text)  # pyright: ignore[reportAttributeAccessIssue]
     return kernel
 
 
 def iteration_us(kernel: Kernel, given: Any) -> float:
-    """Microseconds that a core takes for one iteration of a block, which goes on until its last subject has ended."""
+    """Measure microseconds of a core per iteration of a block, which iterates until its last subject has ended."""
     blocks = kernel.native(*given).iterations.reshape(-1, BLOCK).max(axis=1).sum()
     return reached.core_seconds(lambda: kernel.native(*given)) * (os.cpu_count() or 1) / float(blocks) * 1e6
 
 
 def without_padding(given: tuple[SubjectProblem, Start, np.ndarray]) -> tuple[SubjectProblem, Start, np.ndarray]:
-    """The same without the postures that count for no subject."""
+    """Drop the trailing postures that count for no subject."""
     problem, (theta, angles, multipliers, converged), iterations = given
     last = int(np.any(problem.counted, axis=-1).sum())
     cut = {name: getattr(problem, name)[..., :last, :] for name in ("angles", "weights", "counted")}
@@ -130,7 +133,7 @@ def without_padding(given: tuple[SubjectProblem, Start, np.ndarray]) -> tuple[Su
 
 
 def spread(values: list[float]) -> str:
-    """The median, the least and the most."""
+    """Format median, minimum and maximum."""
     return f"{np.median(values):.3g} ({min(values):.3g}-{max(values):.3g})"
 
 
@@ -150,7 +153,7 @@ def roofline(
     subjects: Annotated[int, typer.Option(min=64, help="In blocks of eight.")] = 4096,
     repeats: Annotated[int, typer.Option(min=1)] = 7,
 ) -> None:
-    """Count, measure and print."""
+    """Count the instructions of an iteration, measure, and print."""
     data = prepared(model, subjects // BLOCK * BLOCK)
     given = first_iterations(data)
     runs = {name: (variant(edit), given) for name, edit in VARIANTS.items()}
@@ -169,7 +172,7 @@ def roofline(
 
 
 def print_counts(postures: int, points: int) -> None:
-    """What an iteration consists of."""
+    """Print the counts of an iteration."""
     machine, asked = counted.machine_counts(postures, points), counted.text_memory(postures, points)
     operations = counted.operations_of_iteration(postures, points)
     chain = counted.longest_chain_cycles(postures, points)
@@ -181,7 +184,7 @@ def print_counts(postures: int, points: int) -> None:
 
 
 def speeds(rows: dict[str, list[float]], name: str, given: Any, points: int) -> tuple[str, str, str]:
-    """Microseconds, how many times as fast as the kernel as it is, and its share of the peak."""
+    """Format microseconds, speed relative to the unedited kernel, and share of the peak."""
     operations = counted.operations_of_iteration(given[0].problem.counted.shape[0], points) * BLOCK
     faster = [a / b for a, b in zip(rows["as it is"], rows[name], strict=True)]
     per_core = [gflops / (os.cpu_count() or 1) for gflops in rows["multiply-adds, GFLOP/s"]]

@@ -1,11 +1,11 @@
-"""`girdle adapt` of many simulated subjects: time and peak memory against their number.
+"""Measure time and peak memory of `girdle adapt` against the number of simulated subjects.
 
-The motion file is made a block of subjects at a time, and the command runs in processes of its own. Their memory is
-read twice a second: the largest of one process, and of all together, shared pages counted once (Linux). This script is
-not among them. Prints a line per number and the exponent of time against number (1 is linear).
+The motion file is written one block of subjects at a time, and the command runs in separate processes. Their memory is
+read twice a second: the largest of one process, and the sum of all, shared pages counted once (Linux). The memory of
+this script is not included. Prints a line per number and the exponent of time against number (1 is linear).
 
-With ``--dask`` the parts are made by so many workers of a Dask cluster on this machine. ``--kill`` ends one of them as
-a machine that fails would; every subject must be in the table of parameters once.
+With ``--dask`` so many workers of a Dask cluster on this machine adapt the parts. ``--kill`` ends one of them, like a
+machine that fails; every subject must then appear exactly once in the table of parameters.
 """
 
 import os
@@ -30,13 +30,13 @@ from motions.motion_csv.writing import write_motions  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 
 BLOCK = 1000
-"""Subjects simulated at a time, each block from a seed of its own."""
+"""Subjects simulated at a time, each block from its own seed."""
 
 app = typer.Typer(add_completion=False)
 
 
 def write_subjects(count: int, path: Path) -> None:
-    """A motion file of so many simulated subjects."""
+    """Write a motion file of so many simulated subjects."""
     block_file = path.with_suffix(".block")
     with path.open("w") as file:
         for number, first in enumerate(range(0, count, BLOCK)):
@@ -50,8 +50,10 @@ def write_subjects(count: int, path: Path) -> None:
 
 @contextmanager
 def cluster(workers: int, folder: Path) -> Iterator[tuple[str, list[int]]]:
-    """Start a Dask scheduler and workers on this machine as docs/large_runs.md says: the scheduler's address, and the
-    process of the scheduler and of each worker."""
+    """Start a Dask scheduler and workers on this machine, as in docs/large_runs.md.
+
+    Yields the scheduler's address and the process ids of the scheduler and the workers.
+    """
     from distributed import Client
 
     file = folder / "scheduler.json"
@@ -78,9 +80,10 @@ def cluster(workers: int, folder: Path) -> Iterator[tuple[str, list[int]]]:
 def watched(
     run: subprocess.Popen, others: Sequence[int] = (), kill: tuple[int, float] | None = None
 ) -> tuple[float, float]:
-    """Wait for a run; return the most memory of one process and of all, with ``others`` and all that these began, MiB.
+    """Wait for a run; return the peak memory in MiB of one process and of all together.
 
-    ``kill``: a process to end, and when, s. CalledProcessError if the run fails.
+    The sum includes ``others`` and all their descendants. ``kill``: a process to end, and after how many seconds.
+    CalledProcessError if the run fails.
     """
     one = together = 0.0
     start = time.perf_counter()
@@ -98,7 +101,7 @@ def watched(
 
 
 def family(process: int) -> list[int]:
-    """A process and all that it began, their own included."""
+    """List a process and all its descendants."""
     found = [process]
     with suppress(OSError):
         for thread in Path(f"/proc/{process}/task").iterdir():
@@ -108,7 +111,7 @@ def family(process: int) -> list[int]:
 
 
 def memory_mib(process: int) -> float:
-    """What a process has in memory, a page of several processes in equal parts; 0 if it has ended."""
+    """Read the proportional memory of a process (shared pages divided between processes); 0 if it has ended."""
     with suppress(OSError):
         lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()
         return float(next(line.split()[1] for line in lines if line.startswith("Pss:"))) / 1024.0
@@ -125,7 +128,7 @@ def measure(
     dask: Annotated[int, typer.Option(help="Workers of a Dask cluster on this machine; 0 for none.")] = 0,
     kill: Annotated[float | None, typer.Option(help="End a worker so many seconds after the last size began.")] = None,
 ) -> None:
-    """Measure."""
+    """Measure time and memory for each number of subjects, and print."""
     if kill is not None and not dask:
         raise SystemExit("--kill: there is no worker to end. Give the number of workers with --dask.")
     counts = [int(word) for word in sizes.split(",")]

@@ -1,4 +1,4 @@
-"""Adaptations from one start alone, as the solvers that they are compared with have it."""
+"""Adaptations from a single start, as for the solvers that they are compared with."""
 
 import numpy as np
 

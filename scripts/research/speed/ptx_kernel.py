@@ -1,8 +1,8 @@
-"""A kernel's text on an NVIDIA GPU: LLVM writes PTX of it, the driver makes that the GPU's own code.
+"""Run a kernel's text on an NVIDIA GPU: LLVM compiles it to PTX, and the driver compiles PTX to the GPU's machine code.
 
-A thread works on one problem at a time, then on the one that stands as many places further as there are threads; the
-scratch rows of all threads stand side by side, so that the threads of a warp read one piece of memory. Nothing but the
-driver is needed, by its C interface (https://docs.nvidia.com/cuda/cuda-driver-api/).
+A thread works on one problem at a time, then on the problem as many places further as there are threads. The scratch
+rows of all threads are interleaved, so that the threads of a warp read contiguous memory. Only the driver is needed, by
+its C interface (https://docs.nvidia.com/cuda/cuda-driver-api/).
 """
 
 import ctypes
@@ -23,21 +23,21 @@ from adapt.engine.kernel import Kernel
 _TARGET = "nvptx64-nvidia-cuda"
 
 _ARCHITECTURE, _PTX_VERSION = "sm_70", "+ptx63"
-"""Volta of 2017 and CUDA 10: every later GPU and driver takes it."""
+"""Volta of 2017 and CUDA 10, which every later GPU and driver accepts."""
 
 _THREADS_A_BLOCK = 128
 
 _BLOCKS_A_MULTIPROCESSOR = 2
-"""The text wants every one of the 255 registers that a thread can have: a multiprocessor has those of 256 threads."""
+"""The kernel uses all 255 registers that a thread can have: a multiprocessor has enough for 256 threads."""
 
 _MULTIPROCESSORS = 16
 """CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT."""
 
 STAGES = ("kernel", "transfers")
-"""What the time of a call is told apart into."""
+"""Parts of the time of a call."""
 
 _REGISTERS = ("tid", "ctaid", "ntid", "nctaid")
-"""PTX: a thread's number in its block, the block's number, and how many there are of both."""
+"""PTX registers: a thread's number in its block, the block's number, and the numbers of threads and of blocks."""
 
 _THREAD = [
     *(f"%{name} = call i32 @llvm.nvvm.read.ptx.sreg.{name}.x()" for name in _REGISTERS),
@@ -50,7 +50,7 @@ _THREAD = [
 
 
 class ThreadBuilder(FunctionBuilder):
-    """Builds ``void name(ptr arrays, ptr sizes, ptr scratch)``, which every thread of a GPU runs."""
+    """Builder of ``void name(ptr arrays, ptr sizes, ptr scratch)``, which every thread of a GPU runs."""
 
     def __init__(self, name: str, dtype: DTypeLike):
         super().__init__(name, dtype, width=1)
@@ -60,13 +60,13 @@ class ThreadBuilder(FunctionBuilder):
 
     @contextmanager
     def each_block(self) -> Iterator[None]:
-        """Do what is within for one of the thread's problems after the other: ``%problem``."""
+        """Repeat the body of the context for each of the thread's problems, with its number in ``%problem``."""
         with self.loop(self.size(0), "thread", "%thread", "%threads") as problem:
             self.instructions.append(f"%problem = add i64 {problem}, 0")
             yield
 
     def text(self) -> str:
-        """Return the module: the function alone."""
+        """Return the module, which contains the function alone."""
         return "\n".join(
             [
                 f'target triple = "{_TARGET}"',
@@ -79,7 +79,7 @@ class ThreadBuilder(FunctionBuilder):
 
 
 def emit_ptx(text: str) -> str:
-    """Compile a module to PTX. The builder's variables become registers, which the driver's compiler would not do."""
+    """Compile a module to PTX; this turns the builder's variables into registers, which the driver would not do."""
     import llvmlite.binding as llvm
 
     llvm.initialize_all_targets()
@@ -94,12 +94,12 @@ def emit_ptx(text: str) -> str:
 
 
 class DriverError(Exception):
-    """NVIDIA's driver is missing, or refused something."""
+    """NVIDIA's driver is missing, or an operation of the driver failed."""
 
 
 @cache
 def _driver() -> ctypes.CDLL:
-    """Load the driver; work in the first GPU's primary context, which is JAX's as well."""
+    """Load the driver and select the first GPU's primary context, which is JAX's as well."""
     try:
         library = ctypes.CDLL("libcuda.so.1")
     except OSError as error:
@@ -123,7 +123,7 @@ def _call(function: str, *arguments: Any) -> None:
 
 
 class _Memory:
-    """Bytes of the GPU."""
+    """Allocated memory of the GPU."""
 
     def __init__(self, size: int):
         self.address = ctypes.c_uint64()
@@ -140,7 +140,7 @@ class _Memory:
 
 
 class GpuKernel:
-    """A kernel in float64 on the first GPU; ``seconds`` adds up where its time went. Raises DriverError."""
+    """A kernel in float64 on the first GPU; ``seconds`` adds up the time of each stage. Raises DriverError."""
 
     def __init__(self, kernel: Kernel):
         self._kernel, self.seconds = kernel, defaultdict[str, float](float)
@@ -154,7 +154,7 @@ class GpuKernel:
         self._blocks = _BLOCKS_A_MULTIPROCESSOR * count.value
 
     def __call__(self, *trees: Any) -> Any:
-        """Run the text on these arrays, problems last; return numpy's arrays."""
+        """Run the kernel on these arrays, whose last axis is the problems; return NumPy arrays."""
         arrays, results, sizes = self._kernel.laid_out(trees, np.float64)
         blocks = min(self._blocks, -(-sizes[0] // _THREADS_A_BLOCK))
         scratch = _Memory(self._scratch_rows * max(sizes[1:]) * blocks * _THREADS_A_BLOCK * 8)
@@ -192,7 +192,7 @@ def _on_gpu(x: np.ndarray) -> _Memory:
 
 
 def run_on_gpu(kernels: Sequence[Kernel]) -> dict[str, GpuKernel]:
-    """Let these kernels run on the GPU from now on, in this process; return them by name."""
+    """Run these kernels on the GPU from now on, in this process; return them by name."""
     on_gpu = {one.name: GpuKernel(one) for one in kernels}
     native = Kernel.__call__
 

@@ -1,15 +1,15 @@
-"""Our fits and the peers side by side in one run, on the same simulated subjects and from the same start.
+"""Our fits and other solvers side by side in one run, on the same simulated subjects and from the same start.
 
-Peers in their best practical form: ``peers`` has a file for each, whose docstring says why the comparison is fair or
-not. Every time excludes building, compilation and the preparation of inputs. Ours has all subjects at once; a peer has
-the first few of them, as many as it takes to be measured, and is compared by subjects a second: of wall time, and of
-CPU time, which other work on the machine moves less. E is compared subject by subject. Ratios are medians over the
-repeats, beside the least and the most. A peer that is not installed is left out, with a line that says so
+The other solvers run in their best practical form: ``peers`` has a file for each, whose docstring says whether the
+comparison is fair. Every time excludes building, compilation and the preparation of inputs. Our solver gets all
+subjects at once; another solver gets the first few, as many as its measurement needs. The comparison is by subjects per
+second: of wall time, and of CPU time, which other work on the machine disturbs less. E is compared subject by subject.
+Ratios are medians over the repeats, with minimum and maximum. A solver that is not installed is left out with a message
 (``pip install '.[peers]'``).
 
-``time_with_effect``: how many times as long as a plain adaptation of ``girdle adapt`` one with a known effect takes.
-``machine_code_vs_xla``: the machine code of ``adapt.engine`` against XLA, given the same text of the subject sweep and
-the same iterations (CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
+``time_with_effect``: time of an adaptation with a known effect, relative to a plain one of ``girdle adapt``.
+``machine_code_vs_xla``: speed of the machine code of ``adapt.engine`` relative to XLA, given the same text of the
+subject sweep and the same iterations (CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
 """
 
 import importlib.util
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("GLOG_minloglevel", "3")  # Ceres says of every step that it could not evaluate
+os.environ.setdefault("GLOG_minloglevel", "3")  # else Ceres reports every step that it cannot evaluate
 ROOT = Path(__file__).parents[3]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "helpers")]
 
@@ -58,17 +58,17 @@ from scripts.research.speed.roofline.counted import operations_of_iteration  # n
 from scripts.research.speed.roofline.reached import core_seconds, peak_gflops  # noqa: E402
 
 EFFECT = "clavicle_frame_bias=10,5,-3"
-"""What is at work where an adaptation with a known effect is measured; any other takes as long."""
+"""Known effect of the adaptation that is timed with one; any other effect takes as long."""
 
 SAME_E = 1e-6
-"""Relative: two optima are one. IPOPT stops at 1e-10 of its scaled conditions."""
+"""Relative difference of E up to which two optima are equal. IPOPT stops at 1e-10 of its scaled conditions."""
 
 SAME_TO_ROUNDING = 1e-9
-"""Relative: two optima are one that both solvers met to rounding."""
+"""Relative difference of E up to which two optima are equal to rounding."""
 
 
 class Peer(NamedTuple):
-    """A solver of the whole subject, what it needs, and by how much fewer subjects it gets than IPOPT."""
+    """A solver of the whole subject, its requirements, and the factor by which it gets fewer subjects than IPOPT."""
 
     run: Callable[[str, int, int], Share]
     package: str = "casadi"
@@ -87,7 +87,7 @@ PEERS = {
 
 
 def installed_peers() -> dict[str, Peer]:
-    """Those whose package and compiler are here; a line for each other."""
+    """Return the solvers whose package and compiler are installed; print a line for each other one."""
     found = {}
     for name, peer in PEERS.items():
         if importlib.util.find_spec(peer.package) is None:
@@ -100,28 +100,30 @@ def installed_peers() -> dict[str, Peer]:
 
 
 def values_of(data: Any, solved: Any) -> np.ndarray:
-    """E of each lane."""
+    """Compute E of each lane."""
     D = thorax_distance_mm2(data.girdle.with_adapted(jnp.asarray(solved.theta)), data.points_mm, data.point_weights)
     j = jnp.mean((jnp.asarray(solved.angles) - data.angles) ** 2, axis=0) * DEG**2
     return np.asarray(D + WEIGHT * jnp.sum(jnp.where(data.counted, j, 0.0), axis=0) / jnp.sum(data.counted, axis=0))
 
 
 def prepared(model: str, subjects: int, effects: tuple[str, ...] = ()):
-    """The problems of simulated subjects, with known effects as options of the command line."""
+    """Make the problems of simulated subjects, with known effects as options of the command line."""
     motions = simulate_subjects(subjects, seed=SEED)
     return problems_of(posture_rows(motions, read_amplitudes(effects)), [load_model(model)])
 
 
 def sweep_gflops(data: Any, operations: int) -> float:
-    """Of the first iterations of every subject, of so many operations each; those of subjects that wait for others of
-    their block are not counted."""
+    """Measure GFLOP/s of the first iterations of all subjects, with so many operations each.
+
+    Iterations of subjects that only wait for others of their block are not counted.
+    """
     given = first_iterations(data)
     done = subjects_kernel.native(*given).iterations.sum()
     return float(done) * operations / core_seconds(lambda: subjects_kernel.native(*given)) / 1e9
 
 
 def first_iterations(data: Any) -> tuple[SubjectProblem, Start, np.ndarray]:
-    """The arguments of the first round of the subject sweep: ten iterations from the geometric fit."""
+    """Return the arguments of the first round of the subject sweep: ten iterations from the geometric fit."""
     postures, count = data.counted.shape
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool)
@@ -129,7 +131,7 @@ def first_iterations(data: Any) -> tuple[SubjectProblem, Start, np.ndarray]:
 
 
 def quotients(ours: list[float], theirs: list[float]) -> list[float]:
-    """Repeat by repeat."""
+    """Divide the values of each repeat."""
     return [a / b for a, b in zip(ours, theirs, strict=True)]
 
 
@@ -138,7 +140,7 @@ def spread(values: list[float]) -> dict[str, float]:
 
 
 def warm_wall_s() -> tuple[float, float]:
-    """Wall time of ``girdle adapt`` of the ten shipped subjects with three sets: the first run here, and the next."""
+    """Time ``girdle adapt`` of the ten shipped subjects with three sets: the first run here, and the next."""
     command = [sys.executable, "-m", "adapt", "adapt", str(ROOT / "motions" / "data" / "simulated_subjects.csv")]
     command += [word for name in ("R2", "R4", "R6") for word in ("--model", name)]
     with tempfile.TemporaryDirectory() as folder:
@@ -150,7 +152,7 @@ def warm_wall_s() -> tuple[float, float]:
 
 
 def compared(E: np.ndarray, peer: np.ndarray) -> dict[str, float]:
-    """Shares of the peer's subjects by the relative difference of our E to its."""
+    """Compute shares of the other solver's subjects by the relative difference of our E from its E."""
     off = E[: len(peer)] / peer - 1.0
     return {
         "subjects": float(len(peer)),
@@ -163,26 +165,26 @@ def compared(E: np.ndarray, peer: np.ndarray) -> dict[str, float]:
 
 
 def rates(run: Callable[[], object], subjects: int) -> tuple[float, float]:
-    """Subjects a second of wall time, and of CPU time of all threads."""
+    """Measure subjects per second of wall time, and of CPU time of all threads."""
     wall, cpu = time.perf_counter(), time.process_time()
     run()
     return subjects / (time.perf_counter() - wall), subjects / (time.process_time() - cpu)
 
 
 class Cases(NamedTuple):
-    """What our solvers are given, everything compiled, and what they find."""
+    """Input of our solvers, with everything compiled, and their results."""
 
     model: str
     data: Problems
     extended: Problems
-    """With a known effect."""
+    """The problems with a known effect."""
     one: Problems
-    """The first subject alone."""
+    """The problem of the first subject alone."""
     postures: tuple[Girdle, np.ndarray, np.ndarray]
-    """Girdles, measured angles (rad) and which of them are known, of all posture fits."""
+    """Girdles, measured angles (rad) and mask of known angles, of all posture fits."""
     sweep: tuple[SubjectProblem, Start, np.ndarray]
     operations: int
-    """Of one iteration of a subject."""
+    """Operations of one iteration of a subject."""
     solved: SubjectSolution
     fitted_j_deg2: np.ndarray
 
@@ -212,8 +214,10 @@ def prepared_cases(model: str, subjects: int) -> Cases:
 def measured(
     cases: Cases, solvers: dict[str, Peer], peers: int, repeats: int
 ) -> tuple[dict[str, list[float]], dict[str, Share], Share]:
-    """Measure rates (subjects, posture fits or GFLOP a second) in every repeat; the last results of the peers, and of
-    SLSQP."""
+    """Measure rates (subjects, posture fits or GFLOP per second) in every repeat.
+
+    Returns the rates, the last results of the other solvers, and those of SLSQP.
+    """
     subjects, rows = cases.data.counted.shape[1], defaultdict[str, list[float]](list)
     last: dict[str, Share] = {}
     fits = Share(0.0, 0.0, np.empty(0))
@@ -242,7 +246,7 @@ def measured(
 
 
 def ratios(rows: dict[str, list[float]], solvers: list[str], cores: int) -> dict[str, list[float]]:
-    """Compare the rates, repeat by repeat."""
+    """Divide our rates by those of the other solvers, repeat by repeat."""
     found = {f"adapt_vs_{name}": quotients(rows["adapt"], rows[name]) for name in solvers}
     found |= {f"adapt_vs_{name}_by_cpu": quotients(rows["adapt_cpu"], rows[f"{name}_cpu"]) for name in solvers}
     return found | {
@@ -256,7 +260,7 @@ def ratios(rows: dict[str, list[float]], solvers: list[str], cores: int) -> dict
 
 
 def side_by_side(model: str, subjects: int, peers: int, repeats: int, largest: int) -> dict[str, Any]:
-    """Measure and compare, everything by name; ``largest`` is the largest number of subjects of the scaling."""
+    """Measure and compare; return all figures by name. largest: the largest number of subjects of the scaling."""
     keep_compiled()
     solvers = installed_peers()
     cases = prepared_cases(model, subjects)

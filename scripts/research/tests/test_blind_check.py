@@ -1,4 +1,4 @@
-"""The withheld-effect check: its statistics by hand, its resumption, its fits, and one case from world to line."""
+"""The withheld-effect check: statistics against hand computation, resumption, seeds, one case from world to line."""
 
 import json
 import math
@@ -40,13 +40,13 @@ GAPS = {
     "unseen_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
     "other_motion_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}},
 }
-"""Predicted, from postures and from a motion held out."""
+"""Predicted gaps, from held-out postures and from a held-out motion."""
 
 REALISED = {"adapted": 1.0, "with_effect": 0.6}
 
 
 def line(label: str, answer: str, *names: str, **more: Any) -> Line:
-    """A finished case by hand: one cause of these names. Sure of its answer unless told otherwise."""
+    """Make the line of a finished case with one cause of these names, whose first one has probability 1 by default."""
     sure = names[0] if names else answer
     return {
         **asdict(Case("standard", label, 0)),
@@ -76,7 +76,7 @@ def test_wilson_interval_by_hand() -> None:
 def test_what_is_surely_at_work_is_counted_by_candidate() -> None:
     lines = [line(TRUE, "effect", TRUE), line(TRUE, "effect", OTHER), line("none", "none")]
     assert report.surely_at_work(lines).startswith("50.0 %")
-    wrong, every = 2, 3 * len(report.CAUSES)  # OTHER was sure and is not at work, TRUE was impossible and is
+    wrong, every = 2, 3 * len(report.CAUSES)  # OTHER has probability 1 and is not active, TRUE has 0 and is active
     assert report.calibration(lines).startswith(f"{wrong / every:.3f} (0.000 by chance; {every})")
 
 
@@ -90,7 +90,7 @@ def test_calibration_error_by_hand() -> None:
 
 
 def test_calibration_error_by_chance_by_hand() -> None:
-    # One case of 0.8: off by 0.2 in 0.8 of the draws, by 0.8 in the others. An SD of a draw is 0.24.
+    # One case of 0.8: the error is 0.2 in 80 % of the draws and 0.8 in the others, SD 0.24 per draw.
     assert report.error_by_chance([0.8]) == pytest.approx(0.32, abs=4 * 0.24 / 1000**0.5)
     assert report.error_by_chance([1.0, 0.0]) == 0.0
 
@@ -122,7 +122,7 @@ def test_outside_effects_are_right_as_unknown_and_any_single_name_is_wrong() -> 
     assert report.surest(known) == (1.0, True)
     assert report.surest(blamed) == (1.0, False)
     assert report.confidently_wrong(blamed)
-    # an unknown answer may name what explains a part: that blames nothing
+    # an unknown answer may name the cause of a part of the gap: that blames nothing
     partly = line("outside_drift", "unknown", OTHER)
     assert (report.first(partly), report.confidently_wrong(partly)) == ("unknown", False)
     assert not report.covered(line(TRUE, "unknown", TRUE))
@@ -143,7 +143,7 @@ def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None
     lines = [line(TRUE, "effect", TRUE, **both), line(TRUE, "effect", OTHER, **both), line(TRUE, "unknown", **both)]
     lines += [line(TRUE, "effect", TRUE, **one) for one in (unknown, unseen)]
     assert report.intervals_that_cover(lines) == [True, False]
-    # of several at work, those that are named
+    # several active causes: only the named ones count
     several = {
         "amplitude": dict.fromkeys((TRUE, OTHER), directions),
         "true_directions": {TRUE: {"TS": 1.0}, THIRD: {"TS": 1.0}},
@@ -376,7 +376,7 @@ def test_true_directions_are_means_at_full_elevation() -> None:
 
 
 def diagnosed(*causes: Cause, **more: Any) -> Any:
-    """What the lines read of a diagnosis."""
+    """Make the fields of a diagnosis that the lines read."""
     level = {ALL: Interval(1.0, 0.9, 1.1)}
     levels = dict.fromkeys(("noise_floor", "base", "adapted", "with_effect"), level)
     gaps = SimpleNamespace(other_postures=levels, other_motion=None, hardest=levels)
@@ -406,11 +406,11 @@ def test_a_cause_has_one_name_whatever_its_course() -> None:
     assert found["other_motion_deg"] == {}
 
 
-@pytest.mark.filterwarnings("ignore::motions.errors.InputWarning")  # a frame is wrong there on purpose
+@pytest.mark.filterwarnings("ignore::motions.errors.InputWarning")  # the effect is a wrong frame, which reading notices
 def test_one_case_from_its_world_to_its_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The diagnosis is shown two of three motions, and names what is there."""
+    """The diagnosis gets two of three motions, and names the active effect."""
     label, seen = "scapula_landmark_bias", []
     sizes = {"about x": Interval(1.0, -50.0, 50.0), "about y": Interval(0.0, 90.0, 95.0)}
 
@@ -432,10 +432,10 @@ def test_one_case_from_its_world_to_its_report(
     assert set(found["true_directions"][label]) == {"about x", "about y", "about z"}
     assert report.intervals_that_cover([found]) == [True, False]
     realised = found["realised_deg"]
-    assert 0.0 < realised["with_effect"] < realised["adapted"] < 5.0  # own bones, as no option was given
+    assert 0.0 < realised["with_effect"] < realised["adapted"] < 5.0  # with own bones, since no option was given
     assert "Simulated cases: 1, seeds 1 to 1 (1)" in printed
     assert "| true effect in the reported set |  | 100.0 % (21-100; 1) |" in printed
-    # done is done: nothing is diagnosed again
+    # a second run diagnoses nothing again
     monkeypatch.setattr(blind_check, "examine", lambda case: pytest.fail("ran again"))
     blind_check.main(tmp_path, **asked)
     assert capsys.readouterr().out == printed

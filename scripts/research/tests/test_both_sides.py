@@ -1,6 +1,6 @@
 # pyright: reportArgumentType=false, reportCallIssue=false
 # (SciPy has no types)
-"""What both sides say of each other, against the dense Gaussian of both and of what was seen of them."""
+"""The prior from the other side and the likelihood of a pair, against the dense joint Gaussian of sizes and data."""
 
 import numpy as np
 import pytest
@@ -20,19 +20,19 @@ CORRELATION = np.array([0.9, 0.5, 0.0, 0.7])
 
 @pytest.fixture(scope="module")
 def shoulders():
-    """Slopes of what was seen of both sides, and the numbers seen."""
+    """Return random Jacobians and data of both sides."""
     random = np.random.default_rng(0)
     return random.normal(size=(2, SEEN, SIZES)), random.normal(size=(2, SEEN))
 
 
 def alone(slopes: np.ndarray, seen: np.ndarray) -> Told:
-    """The posterior of one side's sizes ~ N(0, 1)."""
+    """Compute the posterior of one side's sizes ~ N(0, 1)."""
     covariance = np.linalg.inv(np.eye(SIZES) + slopes.T @ slopes / NOISE**2)
     return Told(covariance @ slopes.T @ seen / NOISE**2, covariance)
 
 
 def joint(correlation: np.ndarray) -> np.ndarray:
-    """The covariance of the sizes of both sides."""
+    """Return the prior covariance of the sizes of both sides."""
     return np.block([[np.eye(SIZES), np.diag(correlation)], [np.diag(correlation), np.eye(SIZES)]])
 
 

@@ -1,4 +1,4 @@
-"""External worlds: what is found in a folder, and one of them from its files to its report."""
+"""External worlds: the search for worlds in a folder, and one world from its files to its report."""
 
 import json
 from pathlib import Path
@@ -42,7 +42,7 @@ def test_worlds_are_folders_with_motions_and_a_truth(tmp_path: Path) -> None:
 
 @pytest.fixture
 def libraries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[set[str] | None]:
-    """One world in ``in``, and what a stand-in for the diagnosis is told each time; of all candidates, None."""
+    """Write one world to ``in``; return the library of each call of a fake diagnosis (None: all candidates)."""
     told_each_time: list[set[str] | None] = []
 
     def diagnosed(motions: Motions, model: ParameterSet, effects: list[Effect] | None) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def libraries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[set[str] 
 def test_one_world_from_its_files_to_its_report(
     tmp_path: Path, libraries: list, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The diagnosis is told the motions and the parameter set, nothing else."""
+    """The diagnosis gets the motions and the parameter set, nothing else."""
     external_worlds.main(tmp_path / "in", tmp_path / "out", jobs=1)
     printed = capsys.readouterr().out
     (found,) = read_lines(tmp_path / "out" / "cases.jsonl")
@@ -82,14 +82,14 @@ def test_one_world_from_its_files_to_its_report(
     assert (found["label"], found["model"], found["causes"]) == (BIAS, "R4", [[BIAS]])
     assert "| true effect in the reported set, of answers 'effect' | >= 95 % | 100.0 %" in printed
     assert libraries == [None]
-    # done is done
+    # a second run diagnoses nothing again
     monkeypatch.setattr(external_worlds, "examine", lambda case: pytest.fail("ran again"))
     external_worlds.main(tmp_path / "in", tmp_path / "out", jobs=1)
     assert capsys.readouterr().out == printed
 
 
 def test_the_library_can_be_what_is_at_work(tmp_path: Path, libraries: list) -> None:
-    """And a world with nothing at work has nothing to find."""
+    """A world without an active cause is left out."""
     told(tmp_path / "in" / "nothing", label="none", model="R4").touch()
     external_worlds.main(tmp_path / "in", tmp_path / "out", jobs=1, only_at_work=True)
     (found,) = read_lines(tmp_path / "out" / "cases.jsonl")
@@ -98,7 +98,7 @@ def test_the_library_can_be_what_is_at_work(tmp_path: Path, libraries: list) -> 
 
 
 def test_true_sizes_are_those_of_the_nearest_course_of_the_library() -> None:
-    """By hand: a straight line of 0.1 mm a degree is 15 mm at 150 degrees, a constant itself; the mean of who is in."""
+    """A line of 0.1 mm per degree is 15 mm at 150 degrees, a constant is itself; means over the diagnosed subjects."""
     motions = motions_of(np.zeros((2, 4, 6)), ["a", "b"])
     line = (0.1 * motions.humerus_elevation_deg[:4]).tolist()
     moved = {"lateral": line, "up": line, "back": [-x for x in line]}
@@ -118,7 +118,7 @@ def test_true_sizes_are_those_of_the_nearest_course_of_the_library() -> None:
 
 @pytest.mark.parametrize(("name", "told"), [("skin_artefact:elevation", 15.0), ("skin_artefact", None)])
 def test_a_true_size_is_one_of_the_course_that_is_named(name: str, told: float | None) -> None:
-    """The share of a measured lag is none of the strengths about three axes."""
+    """With the basis of measured lag the amplitude is a share, which the true strengths do not give."""
     motions = motions_of(np.zeros((1, 4, 6)), ["a"])
     lag = dict.fromkeys(("about x", "about y", "about z"), (0.1 * motions.humerus_elevation_deg).tolist())
     true = external_worlds.true_sizes({"strengths": {"a": {"skin_artefact": lag}}}, motions, saying(name))
@@ -126,7 +126,7 @@ def test_a_true_size_is_one_of_the_course_that_is_named(name: str, told: float |
 
 
 def saying(*names: str) -> Any:
-    """A diagnosis that names these courses."""
+    """Make a diagnosis that names these effects."""
     return SimpleNamespace(subjects=["a", "b"], effects=dict.fromkeys(names, (1.0,)))
 
 

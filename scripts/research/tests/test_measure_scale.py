@@ -1,4 +1,4 @@
-"""How the memory of a run is looked at: of its children too, and nothing of what has ended."""
+"""Measured memory of a run: it includes the child processes, and ended processes count as 0."""
 
 import os
 import subprocess

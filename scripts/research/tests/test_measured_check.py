@@ -1,4 +1,4 @@
-"""The checks on measured shoulders say '-' where data hold nothing that was not fitted, and tell seen from unseen."""
+"""The studies of measured shoulders: '-' without held-out data, no person both seen and held out, table cells."""
 
 from collections import Counter
 from dataclasses import replace
@@ -55,7 +55,7 @@ def test_the_table_of_fewer_says_what_is_left_and_where_it_is_more():
 
 
 def test_what_noise_changes_is_told_of_every_two_diagnoses():
-    """Two first names of three are shared by the first two, none with the third; second names do not count."""
+    """The first two diagnoses share two of three first names, the third shares none; second names do not count."""
     first = verdict("effect", cause(BIAS, SIZE), cause(TILT), **{BIAS: 0.9, TILT: 0.9})
     second = verdict("effect", cause(BIAS), cause(TILT), cause(SIZE), **{BIAS: 0.9, TILT: 0.9, SIZE: 0.92})
     none = verdict("none", **{BIAS: 0.9, TILT: 0.9})

@@ -1,4 +1,4 @@
-"""The benchmark's peers get the problem that ours gets, and their answers are judged by the oracles."""
+"""The benchmark's other solvers get the same problem as ours, and the oracles judge their answers."""
 
 import casadi as ca
 import numpy as np
@@ -12,12 +12,12 @@ from scripts.research.speed.peers.cases import Cases
 from scripts.research.speed.roofline.counted import times_an_iteration
 
 ROUNDING = 1e-12
-"""Relative, of sums of some hundred numbers in another order."""
+"""Relative tolerance for sums of some hundred numbers in another order."""
 
 
 @pytest.fixture(scope="module")
 def two_postures() -> Cases:
-    """Of one subject, with theta inside its bounds."""
+    """Return two postures of one subject, with theta inside its bounds."""
     model = load_model("R2")
     known, points = bones(model.girdle), np.asarray(model.points_mm)
     bounds = np.asarray(model.bounds_mm)
@@ -45,7 +45,7 @@ def test_fatrop_gets_the_problem_of_ipopt(two_postures):
     E, g = _values(whole, np.concatenate([target.T.ravel(), theta, t]), call["p"])
     E_staged, g_staged = _values(staged, call["x0"], call["p"])
     assert E_staged == pytest.approx(E, rel=ROUNDING)
-    copies = np.zeros(6 * P)  # theta of a stage is that of the stage before
+    copies = np.zeros(6 * P)  # residuals of the constraints that each stage's theta equals the stage before
     assert np.sort(g_staged) == pytest.approx(np.sort(np.concatenate([g, copies])), rel=ROUNDING, abs=1e-9)
     assert sum(stages["nx"]) + sum(stages["nu"]) == len(call["x0"])
 

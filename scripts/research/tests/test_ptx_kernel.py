@@ -1,4 +1,4 @@
-"""The text for a GPU, run thread by thread on this processor: no GPU is at hand where tests run."""
+"""The kernel's text for a GPU, run thread by thread on the CPU, because the tests run without a GPU."""
 
 import ctypes
 import re
@@ -17,11 +17,11 @@ from scripts.research.speed.ptx_kernel import ThreadBuilder, emit_ptx
 SUBJECTS, THREADS = 10, 3
 
 SAME = 1e-9
-"""Relative difference of parameters: a product and a sum may be rounded once or twice."""
+"""Relative difference of parameters: a multiply-add may be rounded once or twice."""
 
 
 def on_this_processor(text: str, name: str):
-    """Compile the text as a function of a thread's number beside its arguments, of ``THREADS`` blocks of one thread."""
+    """Compile the text for the CPU, with the thread's number as an argument, for ``THREADS`` blocks of one thread."""
     registers = {"tid": "0", "ctaid": "%number", "ntid": "1", "nctaid": str(THREADS)}
     text = re.sub(
         r"call i32 @llvm\.nvvm\.read\.ptx\.sreg\.(\w+)\.x\(\)", lambda m: f"add i32 0, {registers[m[1]]}", text

@@ -1,11 +1,11 @@
-"""Precision and recall of worlds with several causes, counted by hand."""
+"""Precision and recall in worlds with several causes, against counts by hand."""
 
 from typing import Any
 
 from scripts.research.named_causes.blind.several import several_report
 
 OTHER = "ac_translation"
-"""Is at work in none of them."""
+"""Cause that is not active in any of the worlds."""
 
 
 def line(label: str, *causes: list[str], **inclusion: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The table of ways to choose a base, by hand; and one person through the whole of it."""
+"""The table of rules for the base set against hand computation, and two persons through the whole study."""
 
 import numpy as np
 import pandas as pd
@@ -7,11 +7,11 @@ from scripts.research.person import study_base_set
 from scripts.research.person.study_base_set import row, with_every_base
 
 BASES = ["R2", "breteler_dissection"]
-"""Two of the six, each a run of its own."""
+"""Two of the six shipped sets; each costs a run of the command."""
 
 
 def test_a_row_by_hand():
-    """Base c is the truth, so that nobody may take it. A takes b (a is inside), B a; by the gap A takes a, B b."""
+    """c is the true base and excluded. Nearest outside: A gets b (a is inside), B gets a; smallest gap: A a, B b."""
     gaps_deg = pd.DataFrame({"a": [1.0, 2.0], "b": [3.0, 1.5], "c": [0.1, 0.1]}, index=["A", "B"])
     nearest_mm = pd.DataFrame({"a": [-20.0, 1.0], "b": [30.0, 5.0], "c": [-9.0, 0.0]}, index=["A", "B"])
     assert row(gaps_deg, nearest_mm, "c") == "50 % | 25 % | 1.88 | 2.50 | 1.25"

@@ -1,4 +1,4 @@
-"""The study of forms: which worlds it takes; the true strengths are laid out by subject, motion and posture."""
+"""The study of forms: the worlds that it takes, and the true strengths by subject, motion and posture."""
 
 import json
 from pathlib import Path
@@ -13,12 +13,12 @@ from scripts.research.named_causes.synthetic_b.worlds import Case, write_case
 NAME = "scapula_landmark_bias"
 
 AHEAD = 2.0
-"""Log evidence by which three numbers may be ahead of the true strengths, which fix how far subjects differ."""
+"""Log evidence by which the library's three amplitudes may exceed the true strengths, whose spread is fixed."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A world with one cause, one with none and one with two."""
+    """Write a world with one cause, one without and one with two."""
     folder = tmp_path_factory.mktemp("worlds")
     for names in ([NAME], [], [NAME, "thorax_tilt"]):
         write_case(folder / "worlds" / ("+".join(names) or "none"), names, Case("R2", 5, subjects=3))
@@ -41,7 +41,7 @@ def test_worlds_with_one_cause_whose_strengths_are_known_are_taken(folder):
 
 
 def test_the_true_strengths_are_those_of_each_posture(folder):
-    """Also where postures are missing: those of a subject are in the order of the truth."""
+    """The rows match also where postures are missing: the truth lists all postures of a subject in order."""
     truth = truth_of(folder, NAME)
     motions = read_motions(folder / "worlds" / NAME / "motions.csv")
     left = motions.select(np.arange(len(motions.posture)) % 3 > 0)

@@ -1,4 +1,4 @@
-"""The limit of what could be named: by hand where nothing is at work, and at the truth where something is."""
+"""The limit of naming: the sum of squares at the truth, the separation of an effect, and the probability of naming."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The study of own bones in small: a girdle that is known predicts, and positions of a rigid chain are found."""
+"""The study of own bones on three persons: predictions of a known girdle, and positions of a rigid chain."""
 
 from dataclasses import replace
 
@@ -26,12 +26,12 @@ from scripts.research.person.study_own_bones import (
 PERSONS = 3
 
 CONSTANTS_MM = 1.5
-"""What priors of constants leave of SC and AA that are 20 and 40 mm off."""
+"""Error that the priors of the constants leave where SC and AA are 20 and 40 mm off."""
 
 
 @pytest.fixture(scope="module")
 def people():
-    """Three persons with bones of their own."""
+    """Simulate three persons with own bones."""
     model = load_model("R2")
     return simulate_people(model, WORLDS["as the prior"](model), PERSONS, 1.5, 0)
 

@@ -1,4 +1,4 @@
-"""The blind world: its chains close, its files say nothing of the effect, and every effect is there to be found."""
+"""The first simulated world: closed chains, files without a hint of the effect, and effects that are visible."""
 
 import json
 from functools import cache
@@ -29,19 +29,19 @@ MODELS = Path(__file__).parents[3] / "models" / "sets"
 R2 = MODELS / "R2.toml"
 COLUMNS = ["subject", "motion", "posture", "humerus_elevation_deg", *ANGLES]
 VISIBLE_MM = 0.3
-"""Mean change of the A1-A3 that changes most: a tenth of what noise of 1.5 deg does to A1 and A2."""
+"""Least mean change of the most changed of A1-A3: a tenth of the change of A1 and A2 by noise of 1.5 deg."""
 PAIRS = ("ac_translation+skin_artefact", "conoid_strain+outside_step")
 MADE_OF_ANGLES = ("scapula_landmark_bias", "clavicle_axial_estimate", "skin_artefact", "thorax_extension")
 
 
 @cache
 def clean(label: str, size: float = 1.0, seed: int = 5) -> World:
-    """A world without noise."""
+    """Make a world without noise."""
     return make_world(label, R2, noise_deg=0.0, size=size, seed=seed)
 
 
 def directions(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Unit vectors (n, 3)."""
+    """Draw unit vectors (n, 3)."""
     v = rng.standard_normal((n, 3))
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
@@ -111,11 +111,11 @@ def test_the_table_has_the_columns_of_a_motion_file_and_no_hint() -> None:
 def test_the_noise_has_the_level_asked_for() -> None:
     noisy = make_world("none", R2, subjects=40, noise_deg=1.5, seed=2, landmarks=True)
     noise = noisy.table[list(ANGLES)].to_numpy() - noisy.clean_deg
-    # 3360 numbers: the SD of an SD is 1.2 %, of a mean 1.7 %
+    # of 3360 numbers the SD has a relative error of 1.2 %, the mean one of 1.7 % of the SD
     assert np.std(noise) == pytest.approx(1.5, rel=0.06)
     assert abs(np.mean(noise)) < 0.12
     length = np.linalg.norm(_point(noisy, "AC") - _point(noisy, "SC"), axis=1)
-    # along the clavicle only: sqrt(2) of 2 mm
+    # only the noise along the clavicle changes its length: sqrt(2) of 2 mm
     assert np.std(length) == pytest.approx(2.0 * np.sqrt(2.0), rel=0.15)
     assert np.mean(length) == pytest.approx(158.0, abs=0.6)
 
@@ -166,7 +166,7 @@ def test_a_foot_lies_on_the_surface_below_its_point(exponent: float) -> None:
     distance, normal = thorax.surface_distance(point, semi, p)
     foot = point - distance[:, None] * normal
     np.testing.assert_allclose(np.sum(np.abs(foot / semi) ** exponent, axis=-1), 1.0, rtol=0.0, atol=1e-10)
-    # nobody on the surface is nearer
+    # no other point of the surface is nearer
     other = foot + 5.0 * directions(300, rng)
     other /= np.sum(np.abs(other / semi) ** exponent, axis=-1, keepdims=True) ** (1.0 / exponent)
     assert np.all(np.linalg.norm(other - point, axis=-1) >= np.abs(distance) - 1e-9)
@@ -199,7 +199,7 @@ def test_subjects_differ_as_they_were_drawn() -> None:
     spread = np.std([[p[k] for k in conventions.PARAMETERS] for p in people], axis=0)
     sd_mm, size_sd = subjects.draw_people(3)
     drawn = np.hypot(sd_mm, size_sd * subjects.THORAX_MM)
-    # 60 draws, of which those that do not close are drawn anew
+    # 60 subjects; subjects whose chains do not close are drawn again
     assert np.all(spread > 0.5 * drawn)
     assert np.all(spread < 1.4 * drawn)
 

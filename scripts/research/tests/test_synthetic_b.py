@@ -1,4 +1,4 @@
-"""The second simulated world: closed where nothing is wrong, open for the base model where an effect is at work."""
+"""The second simulated world: files, strengths, and the world without its causes."""
 
 import json
 from collections import Counter
@@ -24,7 +24,7 @@ from scripts.research.named_causes.synthetic_b.worlds import (
 )
 
 SAME_DEG = 2e-4
-"""Angles have four decimals, and the chain is closed once more to 1e-9 mm."""
+"""Tolerance: angles have four decimals, and the chain is closed again to 1e-9 mm."""
 
 
 def made(folder: Path, *names: str, **how) -> Path:
@@ -58,7 +58,7 @@ def test_a_condition_is_found_by_the_check(tmp_path):
 
 
 def test_worlds_of_several_causes_have_each_number_of_them_and_smooth_courses_beside(tmp_path, monkeypatch):
-    """Only one of them, with most causes, is made: all take a minute."""
+    """Only the world with the most causes is made, because making all takes a minute."""
     asked: list[tuple[Path, list[str], Case]] = []
     monkeypatch.setattr(worlds_made, "write_case", lambda *world: asked.append(world))
     write_condition("several", tmp_path, 5, 0.0)
@@ -73,7 +73,7 @@ def test_worlds_of_several_causes_have_each_number_of_them_and_smooth_courses_be
 
 
 def test_a_world_without_a_discrepancy_draws_nothing_for_it(tmp_path, monkeypatch):
-    """Or its noise would not be that of the worlds that were reported by seed."""
+    """Otherwise the noise would differ from that of the worlds reported by their seed."""
     monkeypatch.setattr(worlds_made, "smooth_courses", lambda *_: pytest.fail("drew"))
     made(tmp_path, "skin_artefact")
 
@@ -89,7 +89,7 @@ def test_a_smooth_course_has_sd_1_and_neighbours_that_are_alike():
 
 
 def test_without_its_causes_a_world_has_the_same_people_discrepancy_and_noise(tmp_path):
-    """No cause at work: the same to the last printed digit. A constant turn of the frame: the turn alone."""
+    """Without a cause the files are equal to the last digit; with a constant turn of the frame they differ by it."""
     folder = made(tmp_path, discrepancy_deg=DISCREPANCY_DEG)
     assert (folder / "without_causes.csv").read_text() == (folder / "motions.csv").read_text()
     folder = made(tmp_path, "scapula_landmark_bias", discrepancy_deg=DISCREPANCY_DEG)

@@ -1,4 +1,4 @@
-"""The scores by hand, and each choice of the study against what it says."""
+"""The scores against hand computation, and each choice of the study against its description."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +37,7 @@ SAME = 1e-12
 
 @pytest.fixture(scope="module")
 def motions() -> Motions:
-    """Three shipped (simulated) subjects, their motions named as the study's."""
+    """Return three shipped (simulated) subjects, with their motions renamed as in the study."""
     every = read_motions(ROOT / "motions" / "data" / "simulated_subjects.csv")
     names = {"abduction": ABDUCTION, "forward_flexion": FLEXION}
     every = replace(every, motion=np.array([names[name] for name in every.motion.tolist()]))
@@ -53,7 +53,7 @@ def study(motions) -> Study:
 
 
 def as_published(k: int) -> Outcome:
-    """Ten subjects whose gaps are those printed, and whose parameters have the printed means and SDs."""
+    """Make an outcome of ten subjects with the printed gaps and the printed means and SDs of the parameters."""
     unit = np.linspace(-1.0, 1.0, 10)
     unit = (unit - unit.mean()) / unit.std(ddof=1)
     theta = printed.adapted_mm()[k][:, None] + printed.sd_mm()[k][:, None] * unit
@@ -72,7 +72,7 @@ PUBLISHED = {name: as_published(k) for k, name in enumerate(printed.SETS)}
 
 
 def changed(**fields) -> dict[str, Outcome]:
-    """The published outcome, each set's fields changed by a function of them."""
+    """Return the published outcome with fields of each set changed by functions."""
     return {
         name: replace(one, **{k: change(getattr(one, k)) for k, change in fields.items()})
         for name, one in PUBLISHED.items()
@@ -84,7 +84,7 @@ def test_the_thesis_scores_nothing():
 
 
 def test_scores_by_hand():
-    """SDs twice as large; means one SD off; gaps a tenth of before; a range of A_z of 12 mm; nothing shrinks."""
+    """SDs twice as large; means one SD off; gaps a tenth of before; a range of A_z of 12 mm; no gap shrinks."""
     about = {name: one.theta_mm.mean(axis=1, keepdims=True) for name, one in PUBLISHED.items()}
     wide = {name: replace(one, theta_mm=2.0 * one.theta_mm - about[name]) for name, one in PUBLISHED.items()}
     assert scores.scores(wide) == pytest.approx([np.log(2.0), 0.0, 0.0, 0.0, 0.0], abs=SAME)
@@ -105,7 +105,7 @@ def test_scores_by_hand():
 
 
 def _apart():
-    """R2's A_z 6 mm further from R6's, which was 6 mm away."""
+    """Yield the sets with a shift of A_z: R2's moves 6 mm further from R6's, which was 6 mm away."""
     return zip(PUBLISHED.values(), PUBLISHED, (6.0, 0.0, 0.0), strict=True)
 
 
@@ -126,7 +126,7 @@ def test_who_failed_with_one_set_is_left_out_of_all():
 
 
 def test_blank_axial_angles_are_the_five_angle_j(motions):
-    """Theta, and J of five angles in E, are the same: of one subject, as five angles take the careful solver."""
+    """Leaving the angle out gives the theta and E of blank angles; one subject, because five angles take longer."""
     motions = motions.select(motions.subject == motions.subjects[0])
     blank = motions.angles_deg.copy()
     blank[:, CLAVICLE_X] = np.nan
@@ -137,10 +137,10 @@ def test_blank_axial_angles_are_the_five_angle_j(motions):
 
 
 def test_an_estimated_axial_rotation_starts_where_it_says(study):
-    """With the arm lowest: at 0, and at what the set closes with, where J of six angles is that of five."""
+    """In the lowest arm posture the estimates are 0 and the set's own closing value; they differ by a constant."""
     measured, estimated, from_set, *_ = (study.axial[name] for name in AXIAL)
     lowest = np.where(study.data.counted, 0.0, np.nan)
-    lowest[0] = 1.0  # the shipped subjects begin there
+    lowest[0] = 1.0  # the first posture of the shipped subjects has the lowest arm
     assert np.abs(estimated[lowest == 1.0]).max() < SAME
     apart = from_set - estimated
     np.testing.assert_allclose(apart, np.broadcast_to(apart[0], apart.shape), rtol=0.0, atol=SAME)
@@ -161,7 +161,7 @@ def test_points_and_bounds_are_those_named(study):
 
 
 def test_unsigned_distances_let_a_bone_be_on_either_side(study):
-    """R2 with TS and AI inside its ellipsoid. E is the lowest of four choices, which include its own."""
+    """R2 with TS and AI inside its ellipsoid. E is the lowest of four choices, which include the set's own."""
     data = on_sides(study.data, -1.0, -1.0)
     np.testing.assert_array_equal(data.girdle.ts_distance_mm, -np.abs(study.data.girdle.ts_distance_mm))
     girdle = load_model("R2").girdle

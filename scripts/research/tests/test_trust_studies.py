@@ -1,4 +1,4 @@
-"""What of the spread of adaptations depends on the set."""
+"""The studies of trust: shares of variance between sets and subjects, and folds of one motion for another."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ ROUNDING = 1e-12
 
 
 def test_variance_is_shared_out_as_by_hand():
-    """A set effect of -+1 and subject effects of -+2, nothing else: 1 / 5 and 4 / 5."""
+    """A set effect of -+1 and subject effects of -+2, nothing else: shares 1 / 5 and 4 / 5."""
     values = np.array([[-1.0], [1.0]]) + np.array([[-2.0, 2.0]])
     assert study_sets.variance_shares(values) == pytest.approx((0.2, 0.8, 0.0), abs=ROUNDING)
     values[0, 0] += 4.0
@@ -21,7 +21,7 @@ def test_variance_is_shared_out_as_by_hand():
 
 
 def test_what_all_subjects_share_depends_on_the_set_alone():
-    """All moved alike."""
+    """All subjects have the same motion."""
     made = adaptations(motions_of(rising(2, 4)), [load_model(name) for name in study_sets.SETS])
     agreement = study_sets.agreement_table(made.parameters, made.summary).splitlines()
     (M_y,) = (line for line in agreement if line.startswith("| M_y, mm"))
@@ -29,7 +29,7 @@ def test_what_all_subjects_share_depends_on_the_set_alone():
 
 
 def test_the_sets_are_compared_by_their_gap_held_out_too():
-    """On motions held out R4 is 1 degree worse than R2 and R6, and s2 by 3 degrees than s1, whatever the set."""
+    """Held-out gaps: R4 is 1 degree worse than R2 and R6, and s2 is 3 degrees worse than s1 with every set."""
     made = adaptations(motions_of(rising(2, 4)), [load_model(name) for name in study_sets.SETS])
     summary = made.summary
     for bone in ("clavicle", "scapula"):

@@ -1,4 +1,4 @@
-"""The study of unpublished numbers: each moves what its name says, and slopes are those of the compiled fits."""
+"""The study of unpublished numbers: each number moves alone, and derivatives agree with the compiled fits."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from scripts.rooms import ROOT
 
 @pytest.fixture(scope="module")
 def data() -> study.Data:
-    """Two shipped (simulated) subjects and a third as a mean motion, their motions named as the study's."""
+    """Return two shipped (simulated) subjects and a third as a mean motion, with motions renamed as in the study."""
     every = read_motions(ROOT / "motions" / "data" / "simulated_subjects.csv")
     names = {"abduction": ABDUCTION, "forward_flexion": FLEXION}
     every = replace(every, motion=np.array([names[name] for name in every.motion.tolist()]))
@@ -43,7 +43,7 @@ def test_shares_are_those_of_means_over_subjects_and_postures(data):
 
 
 def test_gaps_and_slopes_by_hand():
-    """Two postures, shares 1/4 and 3/4, off by 2 and -4 degrees, which grow by 1 and 3 degrees a step."""
+    """Two postures, weights 1/4 and 3/4, differences of 2 and -4 degrees that grow by 1 and 3 degrees per step."""
     angles, off = np.zeros((6, 2)), np.zeros((6, 2))
     off[0] = np.radians([2.0, -4.0])
     slopes = np.zeros((6, 2, len(study.REACH)))
@@ -54,7 +54,7 @@ def test_gaps_and_slopes_by_hand():
 
 
 def test_differences_keep_the_sign_across_a_corner(data):
-    """A gap of 0.5 degrees that becomes -0.5 has fallen by 1, though |gap| has not; the others grow by 1."""
+    """A gap of 0.5 degrees that becomes -0.5 changes by -1, though |gap| does not change; the other gaps grow by 1."""
     before, after = np.ones(data.angles.shape), np.ones((6, *data.abduction.shape))
     here = study.SignedGaps(before * 0.5, after * -2.0, np.arange(6.0))
     there = study.SignedGaps(before * -0.5, after * -3.0, np.arange(6.0))
@@ -63,11 +63,11 @@ def test_differences_keep_the_sign_across_a_corner(data):
 
 
 SLOPES = 2e-4
-"""Central differences err by the square of their step: by 4e-5 degrees or mm a range, at twice the step by 1.7e-4."""
+"""Tolerance: errors of central differences grow with the square of the step: 4e-5 per range, at twice it 1.7e-4."""
 
 
 def test_slopes_are_those_of_the_other_engine(data):
-    """Of every cell, by derivatives and by differences of the compiled fits; every number moves some of them."""
+    """Derivatives of every cell agree with differences of the compiled fits; every number moves some cells."""
     model, rest = load_model("R2"), np.zeros(len(study.REACH))
     found = study.by_derivatives(model, data, lambda _: None)
     np.testing.assert_allclose(found.value, study.by_fits(model, data, rest[None])[0], atol=1e-9, rtol=0.0)
@@ -80,7 +80,7 @@ def test_slopes_are_those_of_the_other_engine(data):
 
 
 def test_the_closest_numbers_are_the_least_squares_within_the_ranges(data, monkeypatch):
-    """Of cells that are linear in the numbers: against SciPy's own bounded least squares, from the shipped set."""
+    """For cells that are linear in the numbers, SciPy's bounded least squares from the shipped set gives the same."""
     slope = np.random.default_rng(0).normal(size=(30, len(study.REACH)))
     value = study.printed_cells("R2") + 5.0 * slope.sum(axis=1) * np.cos(np.arange(30))
     monkeypatch.setattr(study, "by_fits", lambda _, __, steps: value + (steps / study.REACH) @ slope.T)

@@ -1,4 +1,4 @@
-"""Sets adapted to subjects in one way, as the thesis did: to abduction and flexion, looked at in abduction."""
+"""Adaptations of several sets as in the thesis: adapted to abduction and flexion, assessed in abduction."""
 
 import sys
 from collections.abc import Sequence
@@ -26,50 +26,50 @@ ABDUCTION, FLEXION = ADAPTED_TO = "frontal_elevation", "sagittal_elevation"
 
 @dataclass(frozen=True)
 class Outcome:
-    """One set adapted to S subjects."""
+    """Adaptation of one set to S subjects."""
 
     own_mm: Float[np.ndarray, "6 subjects"]
-    """The set's own parameters, in the order of ADAPTED."""
+    """Parameters of the set itself, in the order of ADAPTED."""
     theta_mm: Float[np.ndarray, "6 subjects"]
     before_deg: Float[np.ndarray, "6 subjects"]
-    """Mean |simulated - measured| of each angle over the postures of abduction."""
+    """Mean |simulated - measured| of each angle over the postures of abduction, before adaptation."""
     after_deg: Float[np.ndarray, "6 subjects"]
     E: Float[np.ndarray, " subjects"]
-    """In the units of the reading; with w = 0 mean J."""
+    """Objective in the units of the reading; with w = 0 mean J."""
     at_bound: Bool[np.ndarray, "6 subjects"]
     ok: Bool[np.ndarray, " subjects"]
 
     def take(self, subjects) -> "Outcome":
-        """Some subjects, by their numbers or by truth."""
+        """Select subjects by index or mask."""
         return Outcome(**{f.name: getattr(self, f.name)[..., subjects] for f in fields(self)})
 
     @property
     def shift_mm(self) -> Float[np.ndarray, "6 subjects"]:
-        """Adapted less own parameters."""
+        """Change of the parameters: adapted less own."""
         return self.theta_mm - self.own_mm
 
     @property
     def sd_mm(self) -> Float[np.ndarray, " 6"]:
-        """Standard deviation over subjects (n - 1)."""
+        """Standard deviation of the adapted parameters over subjects (n - 1)."""
         return np.std(self.theta_mm, axis=1, ddof=1)
 
 
 @dataclass(frozen=True)
 class Study:
-    """Subjects with every set: what no variant changes."""
+    """Subjects with every set: the data that all variants share."""
 
     sets: tuple[str, ...]
     subjects: tuple[str, ...]
     data: Problems
-    """As shipped."""
+    """Problems of subjects and sets, as shipped."""
     abduction: Bool[np.ndarray, "postures problems"]
-    """Postures whose gap is looked at."""
+    """Mask of the postures whose gap is reported."""
     axial: dict[str, Float[np.ndarray, "postures problems"]]
-    """The clavicle's axial rotation as each of AXIAL has it, rad: that whose gap is looked at."""
+    """Clavicle's axial rotation, rad, for each choice of AXIAL; its gap is reported."""
 
 
 def persons(files: Sequence[Path], leave_out: Sequence[str]) -> Motions:
-    """Read motions without some subjects; names on stderr what cannot be read. BadParameter for a subject not there."""
+    """Read motions without some subjects; report unreadable parts on stderr. BadParameter for an unknown subject."""
     motions = read_motions(*files)
     for error in motions.rejected:
         print(f"left out: {error}", file=sys.stderr)
@@ -78,7 +78,7 @@ def persons(files: Sequence[Path], leave_out: Sequence[str]) -> Motions:
 
 
 def prepare(motions: Motions, sets: Sequence[str]) -> Study:
-    """Pack the postures with six angles of who has abduction and flexion, with every set. InputError if nobody has."""
+    """Pack six-angle postures of the subjects with abduction and flexion, with every set. InputError if none has."""
     motions = motions.select(np.isin(motions.motion, ADAPTED_TO) & np.isfinite(motions.angles_deg).all(axis=1))
     both = [name for name in motions.subjects if {*ADAPTED_TO} <= {*motions.motion[motions.subject == name]}]
     if not both:
@@ -99,7 +99,7 @@ def prepare(motions: Motions, sets: Sequence[str]) -> Study:
 
 
 def axial_estimate_deg(motions: Motions) -> Float[np.ndarray, " postures"]:
-    """The axial rotation that turns SC and AC joint least (6.3), from each subject's posture with the arm lowest."""
+    """Estimate the axial rotation that minimises SC and AC rotation (6.3), from each subject's lowest arm posture."""
     found = np.empty(len(motions.posture))
     for name in motions.subjects:
         mine = motions.subject == name
@@ -109,7 +109,7 @@ def axial_estimate_deg(motions: Motions) -> Float[np.ndarray, " postures"]:
 
 
 def outcomes(study: Study, variant: Variant) -> dict[str, Outcome]:
-    """Every set adapted to every subject in one way; of several choices of sides that of the lowest E."""
+    """Adapt every set to every subject in one way; of several choices of sides keep the one with the lowest E."""
     sides = variant_problems(study.data, study.axial[variant.axial], variant)
     reported = sides[0].angles
     before = [_fitted(data) for data in sides]
@@ -130,7 +130,7 @@ def outcomes(study: Study, variant: Variant) -> dict[str, Outcome]:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Postures of all problems, the last axis, at some parameters."""
+    """Postures of all problems (last axis) at some parameters."""
 
     theta_mm: np.ndarray
     angles: np.ndarray
@@ -141,7 +141,7 @@ class _Fit:
 
 
 def _fitted(data: Problems) -> _Fit:
-    """The sets as they are; not ok where a posture that counts has no fit."""
+    """Fit the postures with the unadapted sets; ok is False where a counted posture has no fit."""
     theta, counted = np.asarray(data.girdle.adapted_mm), np.asarray(data.counted)
     fitted = _postures(data, theta)
     J = np.where(counted, fitted.j_deg2.reshape(counted.shape), 0.0).sum(axis=0) / counted.sum(axis=0)
@@ -151,10 +151,10 @@ def _fitted(data: Problems) -> _Fit:
 
 
 def _postures(data: Problems, theta: np.ndarray) -> PostureSolution:
-    """Every posture fitted with the girdle at theta, from several starts.
+    """Fit every posture with the girdle at theta, from several starting points.
 
-    An angle left out of J is followed from its measured value. Of the clavicle's axial rotation two values close the
-    conoid equally well, up to 180 degrees apart, and J says nothing of which.
+    If an angle is left out of J, the only start is its measured value: two values of the clavicle's axial rotation, up
+    to 180 degrees apart, close the conoid equally well, and J does not prefer either.
     """
     posture, problem = (places.ravel() for places in np.indices(data.counted.shape))
     angles, measured = (np.asarray(x).reshape(6, -1) for x in (data.angles, data.measured))
@@ -164,7 +164,7 @@ def _postures(data: Problems, theta: np.ndarray) -> PostureSolution:
 
 
 def _adapted(data: Problems, variant: Variant, before: _Fit) -> _Fit:
-    """Adapted; with w = 0 nothing moves the ellipsoid off its points, nor the conoid."""
+    """Adapt; with w = 0 the unadapted fit remains, since only J moves ellipsoid and conoid away from their start."""
     if variant.weight == 0.0:
         return before
     found = adapt_batch(data, variant.weight, variant.reading)
@@ -175,7 +175,7 @@ def _adapted(data: Problems, variant: Variant, before: _Fit) -> _Fit:
 
 
 def _lowest(fits: Sequence[_Fit]) -> _Fit:
-    """Problem by problem the fit that is ok, then the lowest."""
+    """Select for each problem the ok fit with the lowest objective."""
     best = fits[0]
     for other in fits[1:]:
         gains = other.ok & (~best.ok | (other.E < best.E))
@@ -184,7 +184,7 @@ def _lowest(fits: Sequence[_Fit]) -> _Fit:
 
 
 def _gap_deg(study: Study, angles: np.ndarray, reported: np.ndarray) -> Float[np.ndarray, "6 problems"]:
-    """Mean |simulated - measured| of each angle over the postures of abduction."""
+    """Compute mean |simulated - measured| of each angle over the postures of abduction."""
     known = np.asarray(study.data.measured) & study.abduction
     off = np.where(known, np.abs(angles - reported), 0.0) * float(DEG)
     return off.sum(axis=1) / known.sum(axis=1)

@@ -1,9 +1,9 @@
-"""How far an adaptation of R2, R4 and R6 is from the published one: five numbers, each 0 for the thesis.
+"""Distance of an adaptation of R2, R4 and R6 from the published one: five scores, each 0 for the thesis.
 
 SD      rms over set and parameter of ln(SD / SD of Table 6.5), each SD over subjects and at least 0.5 mm
-shift   rms of (mean shift from the set's own - that from Table 6.6 to 6.5) / SD of Table 6.5
+shift   rms of (mean shift from the set's own parameters - shift from Table 6.6 to 6.5) / SD of Table 6.5
 gap     rms over set and angle of ln(r / r of the thesis), r = mean gap after / before (Tables 6.1-6.4)
-A_z     |ln| of the range of the sets' mean A_z after adaptation over that of the thesis, 6 mm (from 19)
+A_z     |ln| of the range of the sets' mean A_z after adaptation, relative to the thesis: 6 mm (from 19)
 cells   |share of set, subject and angle whose gap shrinks - 0.70|
 """
 
@@ -17,7 +17,7 @@ from models.adapted_parameters import ADAPTED
 from scripts.research.thesis.outcomes import Outcome
 
 LEAST_MM = 0.5
-"""Half of the last printed digit: below it a ratio of SDs or ranges means nothing."""
+"""Half of the last printed digit: below it, ratios of SDs or ranges are meaningless."""
 
 TERMS = ("SD", "shift", "gap", "A_z", "cells")
 
@@ -25,11 +25,11 @@ RESAMPLES = 1000
 
 
 ALL, WITHOUT_CONOID = slice(None), slice(0, ADAPTED.index("conoid_length"))
-"""Parameters that count in the first two."""
+"""Parameters that count in the first two scores."""
 
 
 def scores(found: Mapping[str, Outcome], among: slice = ALL) -> Float[np.ndarray, " terms"]:
-    """The five numbers, in the order of TERMS, of the subjects that every set was adapted to."""
+    """Compute the five scores, in the order of TERMS."""
     sets = [found[name] for name in printed.SETS]
     sd = np.maximum([one.sd_mm for one in sets], LEAST_MM)
     shift = np.array([one.shift_mm.mean(axis=1) for one in sets])
@@ -46,45 +46,45 @@ def scores(found: Mapping[str, Outcome], among: slice = ALL) -> Float[np.ndarray
 
 
 def gap_ratios(sets: list[Outcome]) -> Float[np.ndarray, "sets angles"]:
-    """Mean gap after / before over the subjects."""
+    """Compute the ratio of mean gaps, after / before, over the subjects."""
     return np.array([one.after_deg.mean(axis=1) / one.before_deg.mean(axis=1) for one in sets])
 
 
 def published_gap_ratios() -> Float[np.ndarray, "sets angles"]:
-    """The same of Tables 6.1-6.4."""
+    """Compute the ratio of mean gaps of Tables 6.1-6.4."""
     return printed.gaps_deg(adapted=True).mean(axis=2) / printed.gaps_deg(adapted=False).mean(axis=2)
 
 
 def a_z_range_mm(sets: list[Outcome]) -> float:
-    """Largest less smallest mean A_z."""
+    """Compute the largest less the smallest mean A_z of the sets."""
     return max(LEAST_MM, float(np.ptp([one.theta_mm[ADAPTED.index("A_z")].mean() for one in sets])))
 
 
 def published_a_z_range_mm() -> float:
-    """The same of Table 6.5."""
+    """Compute the range of mean A_z of Table 6.5."""
     return float(np.ptp(printed.adapted_mm()[:, ADAPTED.index("A_z")]))
 
 
 def shrunk(sets: list[Outcome]) -> float:
-    """Share of set, subject and angle whose gap shrinks."""
+    """Compute the share of set, subject and angle whose gap shrinks."""
     return float(np.mean([one.after_deg < one.before_deg for one in sets]))
 
 
 def published_shrunk() -> float:
-    """The same of the 180 cells of Tables 6.1-6.4."""
+    """Compute the share of the 180 cells of Tables 6.1-6.4 whose gap shrinks."""
     return float((printed.gaps_deg(adapted=True) < printed.gaps_deg(adapted=False)).mean())
 
 
 def complete(found: Mapping[str, Outcome]) -> dict[str, Outcome]:
-    """The subjects that every set was adapted to."""
+    """Select the subjects that every set was adapted to."""
     ok = np.all([one.ok for one in found.values()], axis=0)
     return {name: one.take(ok) for name, one in found.items()}
 
 
 def beats(one: Mapping[str, Outcome], other: Mapping[str, Outcome]) -> float:
-    """Share of resamples of the subjects in which the sum of the scores of ``one`` is lower; both of the same people.
+    """Compute the share of bootstrap resamples of the subjects in which ``one`` has the lower sum of scores.
 
-    Resamples of a single person are left out: they have no SD.
+    Both outcomes have the same subjects. Resamples with a single person are left out, since they have no SD.
     """
     generator = np.random.default_rng(6)
     count = len(next(iter(one.values())).ok)
@@ -94,10 +94,10 @@ def beats(one: Mapping[str, Outcome], other: Mapping[str, Outcome]) -> float:
 
 
 def total(found: Mapping[str, Outcome], subjects: np.ndarray) -> float:
-    """The sum of the five numbers over some subjects."""
+    """Compute the sum of the five scores over some subjects."""
     return float(scores({name: found[name].take(subjects) for name in printed.SETS}).sum())
 
 
 def rms(values: np.ndarray) -> float:
-    """Root of the mean square."""
+    """Compute the root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))

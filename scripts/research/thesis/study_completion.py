@@ -1,13 +1,13 @@
-"""How should what is not printed of R2, R4 and R6 be placed? Rules of scripts/completion.py on measured shoulders.
+"""Which rule should complete the unpublished numbers of R2, R4 and R6? Rules of scripts/completion.py compared.
 
     python scripts/research/thesis/study_completion.py ../shared/motions/*.csv \
         --mean mean_ludewig2009 --mean mean_oki2012
 
-Every rule makes the three sets anew; each is fitted, adapted, and adapted again without each motion in turn. Prints
-Markdown: gaps of every rule, mean |simulated - measured| in degrees over the sets; the adapted parameters beside Tables
-6.5 and 6.6; and folds: the rule of a grid that is best for all persons but one is scored on that one, beside the
-shipped and the earlier rule. Left and right of one cadaver are one person, and so is a group mean (--mean). Tables that
-stand beside those of the thesis are without group means.
+Every rule makes the three sets anew; each set is fitted to measured shoulders, adapted, and adapted again without each
+motion in turn. Prints Markdown: gaps of every rule, mean |simulated - measured| in degrees over the sets; the adapted
+parameters beside Tables 6.5 and 6.6; and folds: the rule of a grid that is best for all persons but one is scored on
+that person, beside the shipped and the earlier rule. Left and right shoulder of a cadaver count as one person, and so
+does a group mean (--mean). Tables that are compared with the thesis leave out group means.
 """
 
 import itertools
@@ -46,7 +46,7 @@ PUBLISHED_SD_MM = {"R2": (31, 6, 3, 24, 17, 2), "R4": (21, 6, 2, 13, 15, 1), "R6
 """Mean of Table 6.5 less Table 6.6, and SD of Table 6.5, in the order of ADAPTED."""
 
 PUBLISHED_BEFORE_DEG = {"R2": 7.0, "R4": 8.6, "R6": 5.9}
-"""Scapula, mean of Table 6.2: abduction."""
+"""Scapula gap before adaptation, mean of Table 6.2 (abduction)."""
 
 EARLIER_ON_CLAVICLE = (0.653985, 0.098593, -0.023317)
 EARLIER_ON_SCAPULA_MM = {
@@ -54,8 +54,8 @@ EARLIER_ON_SCAPULA_MM = {
     "R4": (-25.944935, 10.070332, -32.794601),
     "R6": (-28.302972, 11.381305, -36.525447),
 }
-"""The attachments of the sets until this study: the clavicular one read as if DAS3's clavicle frame went through its
-"AC", which is AA; the scapular one at 40 deg from the line to AC."""
+"""Conoid attachments of the sets before this study. Clavicle: read as if DAS3's clavicle frame went through its "AC",
+which is AA. Scapula: at 40 deg from the line to AC."""
 
 EARLIER = Rule(least_mm=None, on_clavicle=EARLIER_ON_CLAVICLE)
 EARLIER_NAME = "earlier sets: mean rest posture, conoid 40 deg from the line to AC"
@@ -93,33 +93,33 @@ RULES: Mapping[str, Rule] = {
     },
     **{f"(c, d) shipped, at least {name} mm": replace(SHIPPED, least_mm=least) for name, least in LEAST_MM.items()},
 }
-"""What is tried, by its name in the tables: one choice after the other, and together."""
+"""Rules to try by their names in the tables: one choice after the other, and together."""
 
 GRID: Sequence[Rule] = [
     replace(SHIPPED, least_mm=least, forward_deg=turn)
     for least, turn in itertools.product((SHIPPED.least_mm, *LEAST_MM.values()), (-30.0, -15.0, 0.0, 15.0, 30.0))
 ]
-"""What the folds choose from."""
+"""Rules that the folds choose from."""
 
 app = typer.Typer(add_completion=False)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """M models with S subjects."""
+    """Adaptations of M models to S subjects."""
 
     gaps_deg: Mapping[str, Float[np.ndarray, "2 models subjects"]]
-    """Of clavicle and scapula, by state: before, after, unseen (each motion in turn, adapted without it)."""
+    """Gaps of clavicle and scapula by state: before, after, ``unseen`` (each motion held out in turn)."""
     abduction_deg: Float[np.ndarray, " models subjects"]
-    """Of the scapula in abduction, before."""
+    """Gap of the scapula in abduction before adaptation."""
     shift_mm: Float[np.ndarray, "6 models subjects"]
     at_bound: Bool[np.ndarray, "6 models subjects"]
     ok: Bool[np.ndarray, "models subjects"]
     reached: Bool[np.ndarray, "models subjects"]
-    """Every posture was, before."""
+    """True where every posture was reached before adaptation."""
 
     def of(self, models: slice) -> "Outcome":
-        """The same of some models."""
+        """Select some models."""
         return Outcome(
             {state: gaps[:, models] for state, gaps in self.gaps_deg.items()},
             self.abduction_deg[models],
@@ -132,7 +132,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Shoulders:
-    """The subjects, which person each is, and who is a group mean."""
+    """The subjects, the person that each belongs to, and which are group means."""
 
     motions: Motions
     rows: PostureRows
@@ -142,7 +142,7 @@ class Shoulders:
 
 
 def shoulders(motions: Motions, means: Sequence[str]) -> Shoulders:
-    """Pack them. Left and right of one name are one person."""
+    """Pack the shoulders; left and right of one name are one person."""
     rows = posture_rows(motions)
     person = np.array([person_of(name) for name in rows.subjects])
     return Shoulders(motions, rows, motions_or_thirds(motions), person, np.isin(rows.subjects, means))
@@ -180,7 +180,8 @@ def outcome(models: Sequence[ParameterSet], of: Shoulders) -> Outcome:
 
 
 def gaps_before_deg(data: Problems, theta_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """|simulated - measured| of the sets as they are, (6, postures, problems); whether every posture was reached."""
+    """Compute |simulated - measured| of the unadapted sets, (6, postures, problems), and whether all postures are
+    reached."""
     posture, problem = np.nonzero(data.counted)
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
     found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
@@ -195,7 +196,7 @@ def _known(data: Problems) -> np.ndarray:
 
 
 def _by_bone(gaps_deg: Float[np.ndarray, "6 postures problems"]) -> Float[np.ndarray, "2 problems"]:
-    """Mean over the angles of a bone and the postures that are there; NaN where there is none."""
+    """Average over the angles of a bone and the known postures; NaN where there is none."""
     means = []
     for angles in BONES.values():
         there = np.isfinite(gaps_deg[angles])
@@ -205,12 +206,12 @@ def _by_bone(gaps_deg: Float[np.ndarray, "6 postures problems"]) -> Float[np.nda
 
 
 def sets_by(rule: Rule) -> list[ParameterSet]:
-    """R2, R4 and R6 by a rule, ready to adapt."""
+    """Make R2, R4 and R6 by a rule, ready to adapt."""
     return [as_model(completed, rule is EARLIER) for completed in table_sets(rule)]
 
 
 def as_model(completed: Completed, earlier: bool) -> ParameterSet:
-    """The shipped set with another girdle; what a rule does not touch (ellipsoid, points, bounds) stays."""
+    """Return the shipped set with another girdle; ellipsoid, points and bounds stay."""
     girdle = completed.girdle
     if earlier:
         girdle = replace(girdle, scapula_conoid_mm=np.asarray(EARLIER_ON_SCAPULA_MM[completed.name]))
@@ -218,7 +219,7 @@ def as_model(completed: Completed, earlier: bool) -> ParameterSet:
 
 
 def open_at_rest_mm(rule: Rule) -> float:
-    """The largest of A1-A3 over the sets in their rest postures."""
+    """Compute the largest residual of A1-A3 over the sets in their rest postures."""
     parts = [(as_model(one, rule is EARLIER).girdle, one.rest_deg) for one in table_sets(rule)]
     return max(float(np.abs(_residuals_mm(girdle, rest)).max()) for girdle, rest in parts)
 
@@ -228,12 +229,12 @@ def _residuals_mm(girdle: Girdle, rest_deg: np.ndarray) -> np.ndarray:
 
 
 def mean_deg(gaps: np.ndarray) -> float:
-    """Mean over what is there."""
+    """Average the known gaps."""
     return float(np.nanmean(gaps))
 
 
 def gap_cells(found: Outcome, shoulders_: Bool[np.ndarray, " subjects"]) -> list[str]:
-    """'before -> after (unseen)' of scapula and clavicle, over models and some subjects."""
+    """Format 'before -> after (held out)' of scapula and clavicle, over models and some subjects."""
     cells = []
     for bone in (1, 0):
         gap = {state: mean_deg(gaps[bone][:, shoulders_]) for state, gaps in found.gaps_deg.items()}
@@ -242,13 +243,13 @@ def gap_cells(found: Outcome, shoulders_: Bool[np.ndarray, " subjects"]) -> list
 
 
 def bound_cell(found: Outcome, shoulders_: Bool[np.ndarray, " subjects"]) -> str:
-    """How many conoids end at a bound, and how many adaptations have anything there."""
+    """Count the conoids at a bound, and the adaptations with any parameter at a bound."""
     bounds = found.at_bound[:, :, shoulders_]
     return f"{bounds[-1].sum()}, {bounds.any(axis=0).sum()} of {bounds[0].size}"
 
 
 def rule_row(name: str, rule: Rule, found: Outcome, of: Shoulders) -> list[str]:
-    """One line of the table of rules, over the three sets."""
+    """Format one line of the table of rules, over the three sets."""
     persons = ~of.is_mean
     girdles = [model.girdle for model in sets_by(rule)]
     least = min(float(x) for g in girdles for x in (g.ts_distance_mm, g.ai_distance_mm))
@@ -266,7 +267,7 @@ def rule_row(name: str, rule: Rule, found: Outcome, of: Shoulders) -> list[str]:
 
 
 def rules_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
-    """A line a rule."""
+    """Tabulate the rules, one line each."""
     header = ["rule", "scapula", "clavicle", f"unseen: {', '.join(of.person[of.is_mean])}"]
     header += ["scapula before, abduction: R2, R4, R6", f"mean shift of {', '.join(ADAPTED)}, mm"]
     header += ["at a bound: conoid, any", "least distance, mm", "open at rest, mm", "not adapted, not reached"]
@@ -277,7 +278,7 @@ def rules_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
 
 
 def parameters_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
-    """Mean shift (SD) of the adapted parameters by set: Tables 6.5 and 6.6, the earlier sets and those shipped."""
+    """Tabulate mean shift (SD) of the adapted parameters per set: Tables 6.5 and 6.6, earlier and shipped sets."""
     lines = []
     for k, name in enumerate(SETS):
         cells = zip(PUBLISHED_SHIFT_MM[name], PUBLISHED_SD_MM[name], strict=True)
@@ -290,7 +291,7 @@ def parameters_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
 
 
 def folds_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
-    """Each person: the rule of the grid that is best for the others, and what it and the fixed rules leave there."""
+    """Tabulate for each person the grid's best rule for the others, and the person's gaps with it and fixed rules."""
     grid = outcome([model for rule in GRID for model in sets_by(rule)], of)
     each = [grid.of(slice(k, k + len(SETS))) for k in range(0, len(GRID) * len(SETS), len(SETS))]
     persons = list(dict.fromkeys(of.person.tolist()))
@@ -315,7 +316,7 @@ def _unseen_cell(one: Outcome, here: np.ndarray) -> str:
 
 
 def others_table(of: Shoulders) -> str:
-    """The sets of the cadaver that the thesis prints in full, as shipped."""
+    """Tabulate the shipped sets of the cadaver that the thesis prints in full."""
     lines, persons = [], ~of.is_mean
     for name in OTHER_SETS:
         one = outcome([load_model(name)], of)
@@ -329,7 +330,7 @@ def main(
     files: Annotated[list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files.")],
     mean: Annotated[list[str] | None, typer.Option(help="Subject that is a mean motion; repeatable.")] = None,
 ) -> None:
-    """Print, as Markdown, what each rule that completes R2, R4 and R6 leaves on measured shoulders."""
+    """Print, as Markdown, the gaps on measured shoulders with each rule that completes R2, R4 and R6."""
     motions = read_motions(*files)
     check_known(mean or [], motions.subjects, "subject")
     of = shoulders(motions, mean or [])

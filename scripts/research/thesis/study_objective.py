@@ -3,8 +3,8 @@
     python scripts/research/thesis/study_objective.py ../shared/motions/*.csv \
         --leave-out mean_ludewig2009 --leave-out mean_oki2012
 
-Like for like: R2, R4 and R6 adapted to abduction and flexion, looked at in abduction. The scores are those of
-``scores``; 0 is the thesis. Prints Markdown.
+As in the thesis, R2, R4 and R6 are adapted to abduction and flexion, and the gap is that in abduction. ``scores``
+defines the scores; 0 is the thesis. Prints Markdown.
 """
 
 import sys
@@ -25,7 +25,7 @@ from scripts.research.thesis.scores import TERMS, WITHOUT_CONOID, beats, complet
 from scripts.research.thesis.variants import AXIAL, BOUNDS, LEFT_OUT, POINTS, SIDES, Variant
 
 WEIGHTS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 1e4)
-"""0 is D alone; from 1e4 to 1e5 no gap falls by another 0.1 degrees: the bounds hold, and J is alone."""
+"""Weights; 0 is D alone. From 1e4 to 1e5 no gap falls by another 0.1 degrees: the bounds are active and J dominates."""
 
 _CONOID, _AXIAL = ADAPTED.index("conoid_length"), ANGLES.index("clavicle_x")
 
@@ -45,13 +45,13 @@ app = typer.Typer(add_completion=False)
 
 
 def choices() -> dict[str, dict[str, Variant]]:
-    """The variants of each choice by their label."""
+    """Return the variants of each choice by their label."""
     return {
         "reading": {name: Variant(reading=name) for name, one in OBJECTIVES.items() if not one.landmarks},
         "weight": {f"w = {weight:g}": Variant(weight=weight) for weight in WEIGHTS},
         "angles in J": {name: Variant(axial=name) for name in AXIAL},
         "five angles, reading": {
-            # Iterated readings would take another ten minutes: of five angles the conoid is often flat in E.
+            # Iterated readings would take another ten minutes: with five angles E is often flat in the conoid length.
             name: Variant(reading=name, axial=LEFT_OUT)
             for name, one in OBJECTIVES.items()
             if one.form == "squares" and name != DEFAULT_OBJECTIVE and not one.landmarks
@@ -63,7 +63,7 @@ def choices() -> dict[str, dict[str, Variant]]:
 
 
 def run(study: Study, progress: Callable[[str], None]) -> dict[Variant, dict[str, Outcome]]:
-    """Every variant once, however many choices it stands in."""
+    """Run every variant once, even if it belongs to several choices."""
     found: dict[Variant, dict[str, Outcome]] = {}
     for choice, variants in choices().items():
         for label, variant in variants.items():
@@ -74,7 +74,7 @@ def run(study: Study, progress: Callable[[str], None]) -> dict[Variant, dict[str
 
 
 def score_table(found: dict[Variant, dict[str, Outcome]]) -> str:
-    """A line a variant, in the order of the choices; that as shipped once, first."""
+    """Tabulate the variants, one line each, in the order of the choices; the shipped one only once, first."""
     shipped = Variant()
     lines = [line("as shipped", "", found[shipped], found[shipped])]
     for choice, variants in choices().items():
@@ -87,7 +87,7 @@ def score_table(found: dict[Variant, dict[str, Outcome]]) -> str:
 
 
 def thesis_line() -> list[str]:
-    """The published adaptations."""
+    """Format the line of the published adaptations."""
     before, after = (printed.gaps_deg(adapted) for adapted in (False, True))
     change = (printed.adapted_mm() - printed.own_mm())[:, _CONOID]
     cells = [arrow(before[:, part].mean(), after[:, part].mean()) for part in _PARTS]
@@ -96,11 +96,11 @@ def thesis_line() -> list[str]:
 
 
 _PARTS = (slice(3, 6), slice(0, 2), slice(_AXIAL, _AXIAL + 1))
-"""Of the angles: scapula, clavicle without and its axial rotation."""
+"""Groups of angles: scapula, clavicle without axial rotation, axial rotation."""
 
 
 def line(choice: str, label: str, found: dict[str, Outcome], shipped: dict[str, Outcome]) -> list[str]:
-    """Scores, gaps over sets and subjects, A_z and change of the conoid of the three sets, and what went wrong."""
+    """Format scores, mean gaps, the three sets' A_z and change of the conoid, and counts of bounds and failures."""
     good = complete(found)
     sets = [good[name] for name in printed.SETS]
     numbers = scores(good)
@@ -129,12 +129,12 @@ _STATES = ("before_deg", "after_deg")
 
 
 def arrow(before: float, after: float) -> str:
-    """'6.0 -> 3.0'."""
+    """Format a change as '6.0 -> 3.0'."""
     return f"{before:.1f} -> {after:.1f}"
 
 
 def listed(values, form: str) -> str:
-    """Numbers of the three sets."""
+    """Format a number of each of the three sets."""
     return ", ".join(f"{value:{form}}" for value in values)
 
 

@@ -1,13 +1,13 @@
-"""Which single unpublished number of R2, R4 and R6 decides the thesis's tables most?
+"""Which single unpublished number of R2, R4 and R6 influences the thesis's tables most?
 
     python scripts/research/thesis/study_unpublished.py ../shared/motions/*.csv \
         --mean mean_ludewig2009 --mean mean_oki2012
 
-Derivatives of the cells of Tables 3.4, 3.5 and 6.1-6.5 in each number that the thesis does not print, through the fits
-and the adaptation, times the range that the set states: those of ``adapt.differentiable``, or with --differences of the
-compiled fits. Beside them the change when the number is moved by its range, up and down, and everything is fitted and
-adapted anew. Then the numbers within their ranges that come closest to the printed means, and what they leave.
-Prints Markdown.
+Derivatives of the cells of Tables 3.4, 3.5 and 6.1-6.5 in each number that the thesis does not print, through fits and
+adaptation, times the range that the set states: by ``adapt.differentiable``, or with --differences by differences of
+the compiled fits. Beside them the change when the number is moved by its range, up and down, and everything is fitted
+and adapted anew. Then the numbers within their ranges that come closest to the printed means, and the differences that
+remain. Prints Markdown.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -46,11 +46,12 @@ PLACES = {
     "distance of TS": ("ts_distance_mm", 10.0),
     "distance of AI": ("ai_distance_mm", 10.0),
 }
-"""Numbers of a girdle that are not printed, and their range in mm: that which the set's source states."""
+"""Numbers of a girdle that are not printed, and their ranges in mm, as stated in the source of the set."""
 
 POINTS_AROUND, POINTS_UP, AXIAL_ZERO = "thorax points, around", "thorax points, up", "zero of the axial rotation"
 OTHERS = {POINTS_AROUND: (10.0, "deg"), POINTS_UP: (20.0, "mm"), AXIAL_ZERO: (10.0, "deg")}
-"""As the sets state; the zero of the clavicle's axial rotation is assumed: data sets differ by up to 8 degrees."""
+"""Other numbers and their ranges, as stated by the sets. The zero of the clavicle's axial rotation is assumed: data
+sets differ by up to 8 degrees."""
 
 XYZ = "xyz"
 
@@ -67,11 +68,11 @@ class Unpublished:
     reach: float
     unit: str
     place: int | None = None
-    """In ``Girdle.numbers_mm``."""
+    """Index in ``Girdle.numbers_mm``."""
 
 
 def unpublished() -> list[Unpublished]:
-    """List them: eleven of the girdle, where the thorax points lie, and the zero of one measured angle."""
+    """List the unpublished numbers: eleven of the girdle, two of the thorax points, the zero of one measured angle."""
     found = []
     for name, (field, reach) in PLACES.items():
         places = range(COUNT_OF_NUMBERS)[NUMBERS[field]]
@@ -86,7 +87,7 @@ REACH = np.array([one.reach for one in NUMBERS_MOVED])
 
 
 def moved(model_girdle: Girdle, step) -> tuple[Girdle, jax.Array]:
-    """Move every number by its step (of NUMBERS_MOVED): the girdle and the thorax points."""
+    """Move every number by its step (in the order of NUMBERS_MOVED); return the girdle and the thorax points."""
     shifts = jnp.zeros(COUNT_OF_NUMBERS)
     for k, one in enumerate(NUMBERS_MOVED):
         if one.place is not None:
@@ -97,12 +98,12 @@ def moved(model_girdle: Girdle, step) -> tuple[Girdle, jax.Array]:
 
 
 def turned(angles, step) -> jax.Array:
-    """Measure the axial rotation of the clavicle from another zero; rad."""
+    """Shift the zero of the clavicle's measured axial rotation; rad."""
     return jnp.asarray(angles).at[CLAVICLE_X].add(step[-1] / float(DEG))
 
 
 def points_at(girdle: Girdle, around_deg, up_mm) -> jax.Array:
-    """Place the points of the rule (``scripts.completion.thorax_points_mm``) elsewhere on the set's own ellipsoid."""
+    """Place the rule's points (``scripts.completion.thorax_points_mm``) elsewhere on the set's own ellipsoid."""
     _, M_y, M_z = girdle.centre_mm
     A_x, A_y, A_z = girdle.semi_axes_mm
     azimuth, y = (grid.ravel() for grid in np.meshgrid(np.radians(POINT_AZIMUTHS_DEG), POINT_HEIGHTS_MM))
@@ -117,15 +118,15 @@ class Data:
 
     rows: PostureRows
     abduction: Bool[np.ndarray, "postures subjects"]
-    """Those that the gaps are of."""
+    """Mask of the postures whose gaps count."""
     angles: Float[np.ndarray, "6 fits"]
-    """Of every posture that is fitted with the sets as they are, rad: abduction of the persons, both mean motions."""
+    """Angles of every posture fitted with unadapted sets, rad: abduction of the persons, both mean motions."""
     shares: Float[np.ndarray, "3 fits"]
-    """Of each in a mean gap: Table 3.4, Table 3.5, Tables 6.1 and 6.2."""
+    """Weight of each posture in the mean gaps of Table 3.4, of Table 3.5, and of Tables 6.1 and 6.2."""
 
 
 def prepare(motions: Motions, means: Sequence[str]) -> Data:
-    """Pack abduction and flexion of who has both."""
+    """Pack abduction and flexion of the subjects that have both."""
     motions = motions.select(np.isin(motions.motion, ADAPTED_TO) & np.isfinite(motions.angles_deg).all(axis=1))
     is_mean = np.isin(motions.subject, list(means))
     both = [name for name in motions.subjects if {*ADAPTED_TO} <= {*motions.motion[motions.subject == name]}]
@@ -139,7 +140,7 @@ def prepare(motions: Motions, means: Sequence[str]) -> Data:
 
 
 def _shares(group: np.ndarray, subject: np.ndarray) -> np.ndarray:
-    """Equal for each subject of the group, and for each of its postures."""
+    """Compute weights that are equal for each subject of the group, and for each posture of a subject."""
     names = np.unique(subject[group])
     counts = [np.where(group & (subject == name), 1.0 / (group & (subject == name)).sum(), 0.0) for name in names]
     return np.sum(counts, axis=0) / len(names)
@@ -147,15 +148,15 @@ def _shares(group: np.ndarray, subject: np.ndarray) -> np.ndarray:
 
 @jax.jit
 def fitted(model_girdle: Girdle, angles, start, step) -> jax.Array:
-    """Compute the closest closed postures, the numbers moved by ``step``."""
+    """Compute the closest closed postures, with the numbers moved by ``step``."""
     girdle, _ = moved(model_girdle, step)
     return fit_posture(girdle, turned(angles, step), start=start).angles
 
 
 def adapted(model_girdle: Girdle, bounds_mm, angles, measured, theta_mm, step) -> tuple[jax.Array, jax.Array]:
-    """Compute postures and parameters (mm) of a subject, adapted with the numbers moved by ``step``.
+    """Adapt to a subject with the numbers moved by ``step``; return postures and parameters (mm).
 
-    theta_mm: of the compiled adaptation, from which the search starts; its minimum is the same.
+    theta_mm: result of the compiled adaptation, where the search starts; its minimum is the same.
     """
     girdle, points = moved(model_girdle, step)
     found = adapt_subject(girdle, points, bounds_mm, turned(angles, step), measured, start=theta_mm)
@@ -163,9 +164,9 @@ def adapted(model_girdle: Girdle, bounds_mm, angles, measured, theta_mm, step) -
 
 
 def gaps_and_slopes(found, slopes, angles, shares) -> tuple[np.ndarray, np.ndarray]:
-    """Compute mean |simulated - measured| of each angle, deg, and its slopes; ``shares`` of the postures."""
+    """Compute mean |simulated - measured| of each angle, deg, and its derivatives; ``shares`` weights the postures."""
     off, change = np.asarray(found) - angles, np.array(slopes)
-    change[CLAVICLE_X, :, -1] -= 1.0 / DEG  # the measured angle itself
+    change[CLAVICLE_X, :, -1] -= 1.0 / DEG  # derivative of the measured angle itself
     gaps = (np.abs(off) * shares).sum(axis=1) * DEG
     return gaps, np.einsum("ap,apn->an", np.sign(off) * shares, change) * DEG
 
@@ -176,23 +177,23 @@ class Cells:
 
     value: Float[np.ndarray, " 30"]
     slope: Float[np.ndarray, "30 numbers"]
-    """In degrees and mm a range of the number."""
+    """Derivatives in degrees and mm per range of the number."""
 
 
 PARTS = dict(zip(TABLES, (slice(0, 12), slice(12, 18), slice(18, 24), slice(24, 30)), strict=True))
 
 FAST = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
-"""A third of the compilation; each subject is run once."""
+"""Compilation then takes a third of the time, which suits a program that runs once per subject."""
 
 
 @cache
 def with_slopes(function, count: int):
-    """The function and its derivative in its last argument, compiled once for all sets and subjects."""
+    """Compile a function with its derivative in its last argument, once for all sets and subjects."""
     return jax.jit(lambda *args: (function(*args), jax.jacfwd(function, count - 1)(*args)), compiler_options=FAST)
 
 
 def by_derivatives(model: ParameterSet, data: Data, progress: Callable[[str], None]) -> Cells:
-    """Compute all cells of a set with their derivatives in every number that is not printed."""
+    """Compute all cells of a set with their derivatives in every unpublished number."""
     problems, rest = problems_of(data.rows, [model]), jnp.zeros(len(REACH))
     girdle = jax.tree.map(jnp.asarray, model.girdle)
     progress(f"{model.name}: as it is")
@@ -216,7 +217,7 @@ def by_derivatives(model: ParameterSet, data: Data, progress: Callable[[str], No
 
 @dataclass(frozen=True)
 class SignedGaps:
-    """Simulated - measured, deg, of what the tables are means of, and the adapted parameters."""
+    """Simulated - measured, deg, for the postures in the tables' means, and the adapted parameters."""
 
     before: Float[np.ndarray, "6 fits"]
     after: Float[np.ndarray, "6 postures subjects"]
@@ -224,7 +225,7 @@ class SignedGaps:
     """Means over subjects."""
 
     def cells(self, data: Data, about: "SignedGaps | None" = None) -> Float[np.ndarray, " 30"]:
-        """Compute the mean |gap|s and the parameters; gaps with the signs that they have ``about`` there."""
+        """Compute the mean |gap|s and the parameters; with ``about``, each gap takes the sign that it has there."""
         signs = about or self
         shares = data.abduction / data.abduction.sum(axis=0) / data.abduction.shape[1]
         before, after = np.sign(signs.before) * self.before, np.sign(signs.after) * self.after
@@ -233,12 +234,12 @@ class SignedGaps:
 
 
 def by_fits(model: ParameterSet, data: Data, steps: np.ndarray) -> Float[np.ndarray, "cases 30"]:
-    """Compute the cells with the compiled fits, the numbers moved by each row of ``steps``."""
+    """Compute the cells with the compiled fits, with the numbers moved by each row of ``steps``."""
     return np.array([signed_gaps(model, data, step).cells(data) for step in steps])
 
 
 def signed_gaps(model: ParameterSet, data: Data, step: np.ndarray) -> SignedGaps:
-    """Fit and adapt with the compiled fits, the numbers moved by ``step``."""
+    """Fit and adapt with the compiled fits, with the numbers moved by ``step``."""
     girdle, points = (jax.tree.map(np.asarray, part) for part in moved(model.girdle, step))
     problems = problems_of(data.rows, [replace(model, girdle=girdle, points_mm=points)])
     problems = replace(problems, angles=np.asarray(turned(problems.angles, step)))
@@ -249,13 +250,13 @@ def signed_gaps(model: ParameterSet, data: Data, step: np.ndarray) -> SignedGaps
 
 
 def posture_angles(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
-    """Fit postures with the compiled fits, rad; NaN where one did not end."""
+    """Fit postures with the compiled fits, rad; NaN where a fit failed."""
     fits = fit_batch(girdle.repeated(angles.shape[1]), angles, np.ones(angles.shape, bool))
     return np.where(fits.status == status.OK, fits.angles, np.nan)
 
 
 def printed_cells(name: str) -> Float[np.ndarray, " 30"]:
-    """The same cells as printed, means over the thesis's ten subjects."""
+    """Return the printed cells, means over the thesis's ten subjects."""
     k = printed.SETS.index(name)
     means = [printed.tables()[table].values[:, 2 * k] for table in ("Table 3.4", "Table 3.5")]
     gaps = [printed.gaps_deg(adapted)[k].mean(axis=1) for adapted in (False, True)]
@@ -263,12 +264,12 @@ def printed_cells(name: str) -> Float[np.ndarray, " 30"]:
 
 
 def rms(values: np.ndarray) -> float:
-    """Root of the mean square of what is there."""
+    """Compute the root mean square of the finite values."""
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
 def decide_table(cells: Mapping[str, Cells], anew: Mapping[str, np.ndarray]) -> str:
-    """A line a number: rms change of the cells of each table over its range, linear, and when fitted anew."""
+    """Tabulate, per number, the rms change of each table's cells over its range: linear, and fitted anew."""
     lines = []
     for k, one in enumerate(NUMBERS_MOVED):
         row = []
@@ -282,20 +283,20 @@ def decide_table(cells: Mapping[str, Cells], anew: Mapping[str, np.ndarray]) -> 
 
 
 GAPS = slice(0, 24)
-"""The cells that are sought: gaps. What the parameters then do is looked at."""
+"""Cells whose printed values are the target: the gaps. The parameters then follow."""
 
 _ROUNDS, _REACHES = 40, 0.5 ** np.arange(8)
-"""Gauss-Newton steps within the ranges, and how far a number may go in one, in ranges: the best of these is taken."""
+"""Most Gauss-Newton steps, and limits of a number's change per step, in ranges, of which the best is taken."""
 
 _DIFFERENCE = 0.0005
-"""The step of differences, in ranges. Slopes of the measured shoulders are then within 1e-4 degrees and mm of the
-derivatives. At 0.02 one of R2 is 23 mm off, because a parameter comes to its bound on the way."""
+"""Step of the differences, in ranges. Derivatives on the measured shoulders are then within 1e-4 degrees and mm of the
+exact ones. At 0.02 one cell of R2 is 23 mm off, because a parameter reaches its bound within the step."""
 
 
 def closest_steps(model: ParameterSet, found: Cells, data: Data) -> Float[np.ndarray, " numbers"]:
     """Find numbers within their ranges, in ranges, whose gaps come closest to the printed ones (a local optimum).
 
-    Gauss-Newton from the set as shipped: the first slope is that of ``found``, the others are differences of the
+    Gauss-Newton from the set as shipped: the first Jacobian is that of ``found``, later ones are differences of the
     compiled fits.
     """
     target, at, cells, slope = printed_cells(model.name)[GAPS], np.zeros(len(REACH)), found.value[GAPS], found.slope
@@ -320,9 +321,9 @@ def _shipped(model: ParameterSet, data: Data) -> Cells:
 def differences(
     model: ParameterSet, data: Data, at: np.ndarray, step: float = _DIFFERENCE
 ) -> Float[np.ndarray, "30 numbers"]:
-    """Compute the slopes of all cells in a range of each number by central differences of the compiled fits.
+    """Compute the derivatives of all cells, per range of each number, by central differences of the compiled fits.
 
-    Every gap keeps the sign that it has at ``at``: |gap| has a corner where it is 0, and no slope across it.
+    Every gap keeps the sign that it has at ``at``, because |gap| has no derivative where the gap is 0.
     """
     about = signed_gaps(model, data, at * REACH)
     ends = [(at + sign * step * one) * REACH for one in np.eye(len(REACH)) for sign in (1.0, -1.0)]
@@ -331,8 +332,10 @@ def differences(
 
 
 def reach_table(cells: Mapping[str, Cells], closest: Mapping[str, np.ndarray]) -> str:
-    """A line a set and table: how far the cells are from the printed ones (rms), as shipped and with the closest
-    numbers, and how many of them no numbers within their ranges reach (linear), were each cell alone."""
+    """Tabulate per set and table the rms difference from the printed cells, as shipped and with the closest numbers.
+
+    The last column counts the cells that no numbers within their ranges reach, each cell alone and linearly.
+    """
     lines = []
     for name, found in cells.items():
         target = printed_cells(name)
@@ -345,8 +348,11 @@ def reach_table(cells: Mapping[str, Cells], closest: Mapping[str, np.ndarray]) -
 
 
 def cells_table(cells: Mapping[str, Cells], closest: Mapping[str, np.ndarray]) -> str:
-    """A line a cell that no numbers within their ranges reach: printed, ours, the farthest that they could take it
-    (linear), and where the closest numbers take it."""
+    """Tabulate the cells that no numbers within their ranges reach.
+
+    Columns: the printed value, ours, the largest linear change within the ranges, and the value with the closest
+    numbers.
+    """
     lines = []
     for name, found in cells.items():
         target, reach = printed_cells(name), np.abs(found.slope).sum(axis=1)
@@ -357,7 +363,7 @@ def cells_table(cells: Mapping[str, Cells], closest: Mapping[str, np.ndarray]) -
 
 
 def label(cell: int) -> str:
-    """Name a cell."""
+    """Return the name of a cell."""
     angles = [f"{bone}_{axis}" for bone in ("clavicle", "scapula") for axis in "yzx"]
     if cell >= PARTS["6.5"].start:
         return f"Table 6.5, {('M_y', 'M_z', 'A_x', 'A_y', 'A_z', 'conoid_length')[cell - 24]}, mm"
@@ -374,7 +380,7 @@ def study(
         bool, typer.Option("--differences", help="Slopes by differences of the compiled fits: fewer minutes.")
     ] = False,
 ) -> None:
-    """Print which unpublished number decides the tables, and what numbers within their ranges can reach."""
+    """Print which unpublished number changes the tables most, and how close numbers within their ranges come."""
     motions = persons(files, ())
     check_known(mean, motions.subjects, "subject")
     data, models = prepare(motions, mean), [load_model(name) for name in model or printed.SETS]

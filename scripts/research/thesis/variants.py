@@ -1,4 +1,4 @@
-"""What can be chosen of an adaptation where the thesis leaves it open, and the problems that each choice makes."""
+"""Choices of an adaptation that the thesis leaves open, and the problems that each choice makes."""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,7 @@ POINTS = {
 """Columns of thorax points that count, by their azimuth from lateral toward backward (scripts.completion)."""
 
 BOUNDS = {"as shipped": 1.0, "half": 0.5, "double": 2.0, "none": None}
-"""Factors of the half widths; None is ``NO_BOUND_MM``."""
+"""Factors on the half widths of the bounds; None is ``NO_BOUND_MM``."""
 
 NO_BOUND_MM = 1e6
 
@@ -32,17 +32,18 @@ MEASURED, ESTIMATED, FROM_SET, LEFT_OUT, LEFT_OUT_FROM_SET = AXIAL = (
     "five angles",
     "five, axial gap of the estimate from the set's own",
 )
-"""The clavicle's axial rotation in J: as measured; as two landmarks give it (6.3), from 0 with the arm lowest or from
-what the set closes with there; not at all, its gap then being that of the measured or of the latter estimate."""
+"""Clavicle's axial rotation in J: as measured; as estimated from two landmarks (6.3), from 0 in the lowest arm posture
+or from the value with which the set closes there; or left out of J, with the gap of the measured value or of the second
+estimate reported."""
 
 SIDES = {"signed": ((None, None),), "unsigned": ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))}
-"""Signs of const1 and const2 of A1 and A2: the set's own, or either (Eq. 6.2 has lengths). A bone cannot cross the
-ellipsoid from one side to the other, so that a subject's postures all have the same."""
+"""Signs of const1 and const2 of A1 and A2: the set's own, or any (Eq. 6.2 has unsigned lengths). A bone cannot cross
+the ellipsoid from one side to the other, so all postures of a subject have the same signs."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One choice of everything; as shipped where nothing is said."""
+    """One combination of all choices; the default values are as shipped."""
 
     reading: str = DEFAULT_OBJECTIVE
     weight: float = WEIGHT
@@ -55,7 +56,7 @@ class Variant:
 def variant_problems(
     data: Problems, axial: Float[np.ndarray, " postures problems"], variant: Variant
 ) -> list[Problems]:
-    """The problems of a variant, once for each choice of sides; ``axial``: the clavicle's axial rotation in it, rad."""
+    """Make the problems of a variant, one for each choice of sides. axial: its clavicular axial rotation, rad."""
     data = with_axial(data, axial)
     if variant.axial in (LEFT_OUT, LEFT_OUT_FROM_SET):
         data = without_axial(data)
@@ -64,27 +65,27 @@ def variant_problems(
 
 
 def with_axial(data: Problems, axial: Float[np.ndarray, " postures problems"]) -> Problems:
-    """Another axial rotation of the clavicle, rad."""
+    """Replace the axial rotation of the clavicle, rad."""
     angles = np.array(data.angles)
     angles[CLAVICLE_X] = axial
     return replace(data, angles=angles)
 
 
 def without_axial(data: Problems) -> Problems:
-    """J of five angles."""
+    """Leave the axial rotation out of J."""
     measured = np.array(data.measured)
     measured[CLAVICLE_X] = False
     return replace(data, angles=at_rest(np.asarray(data.angles), measured), measured=measured)
 
 
 def azimuth_deg(data: Problems) -> Float[np.ndarray, "points problems"]:
-    """Azimuth of each point about the ellipsoid's centre, of the parameter, from lateral toward backward."""
+    """Compute each point's azimuth (of the parameter) about the ellipsoid's centre, from lateral toward backward."""
     scaled = np.asarray((data.points_mm - data.girdle.centre_mm[:, None]) / data.girdle.semi_axes_mm[:, None])
     return np.degrees(np.arctan2(scaled[2], scaled[0]))
 
 
 def with_points(data: Problems, name: str) -> Problems:
-    """Equal shares for the named columns of points, none for the others."""
+    """Give equal weights to the named columns of points, and none to the others."""
     columns = np.array(POINT_AZIMUTHS_DEG)
     nearest = columns[np.argmin(np.abs(azimuth_deg(data)[..., None] - columns), axis=-1)]
     counts = np.isin(nearest, POINTS[name]) & (np.asarray(data.point_weights) > 0.0)
@@ -92,7 +93,7 @@ def with_points(data: Problems, name: str) -> Problems:
 
 
 def with_bounds(data: Problems, factor: float | None) -> Problems:
-    """Bounds at a multiple of their distance, or none, but semi-axes and conoid at least ``SHORTEST_MM``."""
+    """Scale the distances of the bounds, or remove the bounds; semi-axes and conoid stay at least ``SHORTEST_MM``."""
     own = data.girdle.adapted_mm
     away = data.bounds_mm - own if factor is not None else NO_BOUND_MM * np.array([-1.0, 1.0])[:, None, None]
     bounds = jnp.asarray(own + (1.0 if factor is None else factor) * away)
@@ -100,7 +101,7 @@ def with_bounds(data: Problems, factor: float | None) -> Problems:
 
 
 def on_sides(data: Problems, ts: float | None, ai: float | None) -> Problems:
-    """TS and AI as far from the ellipsoid as they are, outside (1) or inside (-1); None leaves them."""
+    """Put TS and AI outside (1) or inside (-1) the ellipsoid at the same distance; None leaves them."""
     girdle = data.girdle
     distances = [
         own if sign is None else sign * np.abs(own)

@@ -1,7 +1,7 @@
-"""How far the published sets differ in contact, conoid and serratus: where the limits of ``girdle trust`` come from.
+"""How far do the published sets differ in contact, conoid and serratus? The source of the limits of ``girdle trust``.
 
-Every set takes the published rhythm (de Groot & Brand 2001), abduction and forward flexion to 150 degrees. Then every
-set in turn stands for an adaptation of every other: what differs between cadavers is no reason to warn.
+Every set follows the published rhythm (de Groot & Brand 2001), abduction and forward flexion to 150 degrees. Then every
+set in turn stands for an adaptation of every other set: a difference that occurs between cadavers needs no warning.
 """
 
 import argparse
@@ -23,8 +23,6 @@ from motions.rhythm_subjects import ELEVATIONS_DEG, MOTION_PLANES_DEG, noise_fre
 from motions.table import Motions
 from scripts.reporting import CADAVER_SETS
 
-"""Those whose scapula has landmarks; in das3 TS and AI are contact points of another frame."""
-
 
 def rhythm() -> Motions:
     """Return the published rhythm of a mean person, without spread or noise."""
@@ -35,7 +33,7 @@ def rhythm() -> Motions:
 
 
 def spread() -> dict[str, Float[np.ndarray, " pairs"]]:
-    """Compute what differs between every two sets: mean turn of each force, degrees, and ratios of arms."""
+    """Compute the differences between every two sets: mean angle of each force, degrees, and ratios of arms."""
     motions = rhythm()
     fits = fit_postures(motions, [load_model(name) for name in CADAVER_SETS]).by_model
     good = np.all([fits[name].status == status.OK for name in CADAVER_SETS], axis=0)

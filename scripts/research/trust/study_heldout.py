@@ -1,13 +1,13 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Does an adaptation hold on motions it has not seen? Adapt to one motion, look at another; and which w is best then.
+"""Does an adaptation hold on a held-out motion, and which w is best then? Adapted to one motion, tested on another.
 
     python scripts/research/trust/study_heldout.py ../shared/motions/*.csv --model R6 --weights
 
-Prints Markdown: for every subject that has both motions, the gap (mean |simulated - measured|, degrees) of the model as
-it is, adapted to all motions, and adapted to the first motion alone, on the second; then the same the other way round.
-With --weights also the trade-off curve of w: how far the thorax points are from the ellipsoid against how large J is,
-and the gap on each motion held out from the others.
+Prints Markdown: for every subject with both motions, the gap (mean |simulated - measured|, degrees) on the second
+motion of the unadapted model, of the model adapted to all motions, and of the model adapted to the first motion alone;
+then the same with the motions exchanged. With --weights also the trade-off curve of w: the distance of the thorax
+points to the ellipsoid against J, and the gap on each motion held out from the others.
 """
 
 import sys
@@ -34,7 +34,7 @@ GAPS = ("gap_before_deg", "gap_in_sample_deg", "gap_unseen_deg")
 
 
 def gap_table(table: pd.DataFrame, fitted: str) -> str:
-    """Markdown: one line a model and subject, then the mean of each model."""
+    """Format as Markdown one line per model and subject, then the mean of each model."""
     tested = table["held_out"].iloc[0]
     header = ["set", "subject", f"{tested}: before", "adapted to all", f"adapted to {fitted} alone"]
     header += ["scapula", "clavicle"]
@@ -48,7 +48,7 @@ def gap_table(table: pd.DataFrame, fitted: str) -> str:
 
 
 def cells(row) -> list[str]:
-    """Gaps of all angles, then of each bone from before to unseen."""
+    """Format the gaps of all angles, then of each bone, before -> held out."""
     bones = [
         f"{row[f'{bone}_gap_before_deg']:.1f} -> {row[f'{bone}_gap_unseen_deg']:.1f}"
         for bone in ("scapula", "clavicle")
@@ -57,7 +57,7 @@ def cells(row) -> list[str]:
 
 
 def curve(table: pd.DataFrame) -> str:
-    """Markdown of the trade-off curve."""
+    """Format the trade-off curve as Markdown."""
     header = ["set", "w", "thorax points, rms mm", "J, rms deg", "gap seen, deg", "gap unseen, deg", "at a bound"]
     lines = []
     for row in table.to_dict("records"):
@@ -69,11 +69,11 @@ def curve(table: pd.DataFrame) -> str:
 
 
 ONLY = "only"
-"""Kind of a fold of which one motion alone is adapted to."""
+"""Kind of a fold in which one motion alone is adapted to."""
 
 
 def one_motion_for_another(motions: Motions, fitted: str, tested: str) -> list[Fold]:
-    """Adapt to one motion, look at another one, of every subject that has both."""
+    """Make folds that adapt to one motion and test another, for every subject that has both."""
     found = []
     for subject, rows in enumerate(motions.rows_by_subject()):
         one, other = (rows[motions.motion[rows] == name] for name in (fitted, tested))
@@ -90,7 +90,7 @@ def main(
     other: Annotated[str, typer.Option(help="Another one.")] = "sagittal_elevation",
     weights: Annotated[bool, typer.Option("--weights", help="Also the trade-off curve of w.")] = False,
 ) -> None:
-    """Print, as Markdown, the gaps on a motion that an adaptation has not seen."""
+    """Print, as Markdown, the gaps on a motion that was held out of the adaptation."""
     motions = read_motions(*files)
     names = model or ["R2", "R4", "R6"]
     models = [load_model(name) for name in names]

@@ -1,20 +1,20 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Are the intervals of adapted parameters true? Simulated subjects with known parameters, noise, and an adaptation.
+"""Do the intervals of adapted parameters hold the truth? Simulated subjects with known parameters, noise, adaptation.
 
     python scripts/research/trust/study_recovery.py --out out/recovery
 
-Everything here is simulated: subjects whose girdle is a set's with parameters of their own, their motion as near to the
-published rhythm as their chain allows, independent noise on every angle, the thorax points still those of the set. A
-95 % interval should hold the true value in 95 % of cases; 92-97 % is the aim. Worlds:
+Everything is simulated: subjects have a set's girdle with parameters of their own, move as near to the published rhythm
+as their chain allows, with independent noise on every angle; the thorax points are still those of the set. A 95 %
+interval should hold the true value in 95 % of cases; 92-97 % is the aim. Worlds:
 
-    as assumed          the spread of persons about the set is PERSON_SD_MM, what the intervals take it to be
+    as assumed          the spread of persons about the set is PERSON_SD_MM, as the intervals assume
     persons alike       half of that spread
     persons unlike      twice that spread
     noise 0.5, 3 deg    other noise, which the intervals estimate from the gap
 
-The coverage of the noise alone, without the spread of persons, and of the intervals by +-1.96 SD alone, stand beside.
-Each set and world is one file of the folder; what is there is not made again, so a study that was stopped goes on.
+For comparison: the coverage of the noise alone, without the spread of persons, and of the intervals +-1.96 SD alone.
+Each set and world is one file of the folder. Existing files are kept, so an interrupted study can be resumed.
 """
 
 import sys
@@ -48,7 +48,7 @@ app = typer.Typer(add_completion=False)
 
 @dataclass(frozen=True)
 class World:
-    """How the simulated subjects differ from what the intervals assume."""
+    """Differences of the simulated subjects from the assumptions of the intervals."""
 
     name: str
     spread: float = 1.0
@@ -65,7 +65,7 @@ WORLDS = (
 
 
 def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profiles: bool) -> pd.DataFrame:
-    """One row a subject and parameter: error, SDs, and which intervals hold the truth."""
+    """Adapt simulated subjects; return error, SDs and the intervals' coverage, one row per subject and parameter."""
     made = simulate_model_subjects(model, None, subjects, world.noise_deg, seed, spread=world.spread)
     batch = posture_rows(made.motions)
     names = list(batch.subjects)
@@ -93,7 +93,7 @@ def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profi
 
 
 def by_parameter(table: pd.DataFrame) -> str:
-    """Markdown: one line a set and parameter."""
+    """Format as Markdown one line per set and parameter."""
     header = [
         "set",
         "parameter",
@@ -116,7 +116,7 @@ def by_parameter(table: pd.DataFrame) -> str:
 
 
 def by_world(table: pd.DataFrame) -> str:
-    """Markdown: one line a world, all sets and parameters; then without those at a bound."""
+    """Format as Markdown one line per world: all sets and parameters, then without those at a bound, then groups."""
     header = ["world", "subjects adapted ok", "covered", "not at a bound", "M_y, A_y", "the other four", "noise found"]
     lines = []
     for world, rows in table.groupby("world", sort=False):
@@ -128,7 +128,7 @@ def by_world(table: pd.DataFrame) -> str:
 
 
 def percent(covered: pd.Series) -> str:
-    """'95.1 % (94-96)'."""
+    """Format a share with its Wilson interval as '95.1 % (94-96)'."""
     share, (low, high) = covered.mean(), wilson(int(covered.sum()), len(covered), NORMAL_95)
     return f"{100 * share:.1f} % ({100 * low:.0f}-{100 * high:.0f})"
 
@@ -159,7 +159,7 @@ def main(
 
 
 def report(table: pd.DataFrame) -> None:
-    """Print both tables, of the subjects whose adaptation was ``ok``."""
+    """Print both tables, for the subjects whose adaptation has status ok."""
     failed = int((~table["ok"]).sum()) // len(ADAPTED)
     table = pd.DataFrame(table[table["ok"]])
     print(f"Simulated subjects. Not adapted: {failed}.\n")

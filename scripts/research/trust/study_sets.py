@@ -5,13 +5,13 @@
 
     python scripts/research/trust/study_sets.py ../shared/motions/*.csv
 
-Prints Markdown: over all subjects, how the variance of the adapted parameters, of their change and of the gaps is
-shared out,
+Prints Markdown: how the variance of the adapted parameters, of their change and of the gaps divides over sets and
+subjects,
 
-    value(set, subject) = mean + set + subject + rest      (two-way analysis of variance, one value a cell)
+    value(set, subject) = mean + set + subject + rest      (two-way analysis of variance, one value per cell)
 
-'set' being what depends on the cadaver and 'subject' what the sets agree on; and how far apart two sets' simulated
-angles of the same posture are.
+where 'set' is the part that depends on the cadaver and 'subject' the part that the sets agree on; and how far apart the
+simulated angles of two sets are in the same posture.
 """
 
 import itertools
@@ -34,13 +34,13 @@ from motions import ANGLES, read_motions
 from scripts.reporting import markdown
 
 _NOTHING = 1e-20
-"""A sum of squares that is rounding."""
+"""Relative sum of squares that is rounding error."""
 
 app = typer.Typer(add_completion=False)
 
 
 def variance_shares(values: Float[np.ndarray, "sets subjects"]) -> tuple[float, float, float]:
-    """Shares of the sum of squares about the mean: of the sets, of the subjects, and the rest; NaN where all is one."""
+    """Compute shares of the sum of squares about the mean: sets, subjects, rest; NaN where all values are equal."""
     off = values - values.mean()
     by_set, by_subject = off.mean(axis=1, keepdims=True), off.mean(axis=0, keepdims=True)
     parts = [by_set + 0.0 * off, by_subject + 0.0 * off, off - by_set - by_subject]
@@ -51,15 +51,15 @@ def variance_shares(values: Float[np.ndarray, "sets subjects"]) -> tuple[float, 
 
 
 def grid(table: pd.DataFrame, column: str) -> Float[np.ndarray, "sets subjects"]:
-    """A column by set and subject, of subjects that have a value with every set."""
+    """Arrange a column by set and subject, for subjects with a value for every set."""
     values = table.pivot(index="model", columns="subject", values=column).loc[list(SETS)]
     return values.dropna(axis=1).to_numpy()
 
 
 def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
-    """Shares of variance and, in its own unit, SD over sets of one subject and over subjects of one set.
+    """Tabulate shares of variance and, in the quantity's unit, SD over sets of a subject and over subjects of a set.
 
-    The gap held out, of each bone, is that on each motion in turn, adapted without it.
+    The held-out gap of each bone is the gap on each motion in turn, adapted without it.
     """
     header = ["quantity", "SD over sets", "SD over subjects", "of the set", "of the subject", "rest"]
     lines = []
@@ -78,19 +78,19 @@ def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
 
 
 def shared(values: Float[np.ndarray, "sets subjects"]) -> list[str]:
-    """Cells of a line of :func:`agreement_table`."""
+    """Format the cells of a line of :func:`agreement_table`."""
     over_sets = np.sqrt(np.mean(np.var(values, axis=0, ddof=1)))
     over_subjects = np.sqrt(np.mean(np.var(values, axis=1, ddof=1)))
     return [f"{over_sets:.1f}", f"{over_subjects:.1f}", *map(share_cell, variance_shares(values))]
 
 
 def share_cell(share: float) -> str:
-    """'12 %', or nothing where there is nothing to share."""
+    """Format a share as '12 %'; empty where there is no variance."""
     return "" if np.isnan(share) else f"{100 * share:.0f} %"
 
 
 def apart_table(fits: pd.DataFrame) -> str:
-    """Mean |simulated with one set - with another| of the same posture, before and after adaptation, degrees."""
+    """Tabulate mean |simulated with one set - with another| of the same posture, before and after adaptation, deg."""
     header, lines = ["sets", "state", *ANGLES, "all"], []
     good = fits[fits["status"] == status.OK].set_index(["subject", "motion", "posture"])
     for one, other in itertools.combinations(SETS, 2):

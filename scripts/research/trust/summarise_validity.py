@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
 # pyright: reportOperatorIssue=false, reportReturnType=false, reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What an adaptation changes in forces and arms, by parameter set: the tables of docs/validity.md.
+"""How does an adaptation change forces and arms, per parameter set? The tables of docs/validity.md.
 
-Takes the folders of ``girdle trust`` and ``girdle muscles``. Directions and arms: means over the postures of each
+Reads the folders of ``girdle trust`` and ``girdle muscles``. Directions and arms: means over the postures of each
 motion, then over the motions of each subject, then over subjects; in brackets the largest subject. Forces: means of
 postures.
 """
@@ -22,7 +22,7 @@ KEYS = ["model", "subject"]
 
 
 def directions(trust: Path) -> pd.DataFrame:
-    """Tabulate how far each force turned, degrees, and how many subjects are beyond the limits."""
+    """Tabulate the rotation of each force, degrees, and the number of subjects beyond the limits."""
     turned = subject_means(pd.read_csv(trust / "contact.csv"), [f"{force}_turned_deg" for force in FORCES])
     checks = pd.read_csv(trust / "plausibility.csv")
     checks = checks[checks["check"].str.startswith(("direction", "serratus"))]
@@ -35,7 +35,7 @@ def directions(trust: Path) -> pd.DataFrame:
 
 
 def arms(muscles: Path) -> pd.DataFrame:
-    """Tabulate the arms about SC, AC and GH of each muscle, mm, before -> after, and the ratios of subjects."""
+    """Tabulate the arms about SC, AC and GH of each muscle, mm, before -> after."""
     found = pd.read_csv(muscles / "muscle_arms.csv")
     table = found.groupby(["model", "muscle"], sort=False).mean(numeric_only=True)
     return pd.DataFrame({joint: _change(table, f"about_{joint}_{{}}_mm", ".0f") for joint in JOINTS})

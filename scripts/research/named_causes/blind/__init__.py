@@ -1,1 +1,1 @@
-"""What `blind_check.py` does: its cases, their runs and lines, and the figures."""
+"""Parts of `blind_check.py`: its cases, their runs and result lines, and the figures."""

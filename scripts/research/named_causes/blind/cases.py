@@ -1,8 +1,8 @@
 """The cases of the withheld-effect check: conditions, labels, seeds, and the world of each case.
 
-How far the gap shrinks on a motion that nobody has seen is checked on a third motion. A world's random numbers depend
-on its number of motions (directions and noise do), so where it is needed the world has all three, and the diagnosis is
-shown the first two.
+A third motion, held out from the diagnosis, checks the predicted shrinkage of the gap. The random numbers of a world
+depend on its number of motions (directions and noise do), so a world that needs the third motion is made with all
+three, and the diagnosis is given the first two.
 """
 
 from collections.abc import Sequence
@@ -17,29 +17,29 @@ from scripts.research.named_causes.synthetic_a import LABELS, World, make_world
 
 ROOT = Path(__file__).parents[4]
 MODELS = ("R2", "R4", "R6", "breteler_dissection")
-"""Which of them makes a world and is given to the diagnosis goes by the seed."""
+"""Parameter sets; the seed selects the one that makes a world and is given to the diagnosis."""
 
 CALIBRATION_SEEDS = range(100_000)
-"""Of worlds that everything was tried out on."""
+"""Seeds of the worlds for tuning."""
 
 REPORTED_SEEDS = range(200_000, 200_012)
-"""Nothing was ever tried out on these or on any after them. docs/research/blind_check.md names those of its figures."""
+"""Seeds that tuning never used, nor any later seed. docs/research/blind_check.md names the seeds of its figures."""
 
 NONE_WORLDS = 8
-"""Worlds without an effect a seed: all that says how often an effect is blamed on nothing."""
+"""Worlds without an effect per seed: they alone determine how often an effect is blamed on nothing."""
 
 MOST_SEEDS = 1_000_000
-"""Between the seeds of the worlds of one seed: more than any seed."""
+"""Distance between the world seeds of one case seed: larger than any case seed."""
 
 _MOST_REPEATS = 100
-"""More than any label is repeated: worlds of different labels have subjects and noise of their own."""
+"""More than the repeats of any label, so that worlds of different labels have their own subjects and noise."""
 
 SHOWN_MOTIONS = ("abduction", "forward_flexion")
 UNSEEN_MOTION = "scapular_plane"
 
 
 def kind(label: str) -> str:
-    """'none', 'effect', 'pair', 'several' or 'outside'."""
+    """Classify a label: 'none', 'effect', 'pair', 'several' or 'outside'."""
     if "+" in label:
         return "pair" if label.count("+") == 1 else "several"
     return "none" if label == NONE else "outside" if label.startswith("outside_") else "effect"
@@ -65,7 +65,7 @@ PAIRS = (
 
 @dataclass(frozen=True)
 class Condition:
-    """How the worlds of a condition are made, and what is in them."""
+    """Settings of the worlds of one condition, and their labels."""
 
     labels: tuple[str, ...]
     subjects: int = 10
@@ -74,9 +74,10 @@ class Condition:
     mixed_sign: bool = False
     landmarks: bool = False
     library: Literal["all", "without", "alone"] = "all"
-    """All candidates; without the effect at work; or that alone: who misses it then could not have found it."""
+    """All candidates, all without the active effect, or the active effect alone. With "alone", a diagnosis that misses
+    the effect could not have found it among all candidates either."""
     third_motion: bool = False
-    """Of worlds with one listed effect."""
+    """True where worlds with one listed effect get a third motion."""
 
 
 SINGLE = ("none", *LISTED, *OUTSIDE)
@@ -100,8 +101,9 @@ CONDITIONS = {
     "power_1.5": Condition(LISTED, size=1.5),
     "power_2": Condition(LISTED, size=2.0),
 }
-"""`loo` has the worlds of `standard`, `alone_half` those of `half`, and so on. Without an effect, its size and sign
-change nothing. `power` means all three; the power curve's other two sizes are `half` and `standard`."""
+"""`loo` has the worlds of `standard`, `alone_half` those of `half`, and so on. Conditions that change only size or sign
+have no worlds without an effect, because these would be the same. `power` selects all three conditions of that name;
+the other two sizes of the power curve are `half` and `standard`."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +117,12 @@ class Case:
 
     @property
     def model(self) -> str:
-        """The parameter set of world and diagnosis."""
+        """Parameter set of the world and of the diagnosis."""
         return MODELS[self.seed % len(MODELS)]
 
 
 def plan(conditions: Sequence[str], seeds: Sequence[int], labels: Sequence[str] = ()) -> list[Case]:
-    """The cases, seed by seed, so that what is done of a study is a smaller study."""
+    """List the cases, seed by seed, so that the finished part of a study is a smaller study."""
     return [
         Case(condition, label, seed, repeat)
         for seed in seeds
@@ -132,12 +134,12 @@ def plan(conditions: Sequence[str], seeds: Sequence[int], labels: Sequence[str] 
 
 
 def world_seed(case: Case) -> int:
-    """The seed of the world of a case."""
+    """Compute the seed of the world of a case."""
     return case.seed + MOST_SEEDS * (case.repeat + _MOST_REPEATS * (*LABELS, *PAIRS).index(case.label))
 
 
 def world_of(case: Case) -> World:
-    """The world of a case; the first two of three motions are what the diagnosis may see."""
+    """Make the world of a case; the diagnosis may see the first two of three motions."""
     how = CONDITIONS[case.condition]
     three = how.third_motion and kind(case.label) == "effect"
     return make_world(
@@ -154,6 +156,6 @@ def world_of(case: Case) -> World:
 
 
 def written(table: pd.DataFrame, motions: Sequence[str], path: Path) -> Path:
-    """The rows of some motions as a motion file."""
+    """Write the rows of some motions as a motion file."""
     table[table["motion"].isin(motions)].to_csv(path, index=False, float_format="%.4f")
     return path

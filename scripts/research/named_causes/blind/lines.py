@@ -1,6 +1,6 @@
-"""What is kept of a diagnosis, and what the truth adds to it once it is opened.
+"""The result line of a diagnosis, and the true values that are added to it once the truth is opened.
 
-A cause has one name here, whatever its course: `conoid_strain:posture` is `conoid_strain`.
+A cause has one name here, whatever its basis: `conoid_strain:posture` is `conoid_strain`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,7 +26,7 @@ def _causes(names: Iterable[str]) -> list[str]:
 
 
 def line_of(found: Diagnosis) -> Line:
-    """What is kept of a diagnosis."""
+    """Reduce a diagnosis to its result line."""
     verdict = found.verdict
     named = verdict.causes
     probability = dict.fromkeys(_causes(verdict.probability), 0.0)
@@ -64,7 +64,10 @@ def line_of(found: Diagnosis) -> Line:
 
 
 def realised_gaps(found: Diagnosis, model: ParameterSet, motions: Motions) -> dict[str, float]:
-    """Mean absolute gap on the unseen motion, deg, of shoulders adapted to the others: with none, and all causes."""
+    """Compute the mean absolute gap on the held-out motion, deg, of shoulders adapted to the other motions.
+
+    Two gaps: adapted without causes, and adapted with own bones and all named causes.
+    """
     mine = motions.select(np.isin(motions.subject, found.subjects))
 
     def gap(effects: Amplitudes, own_bones: bool) -> float:
@@ -76,11 +79,11 @@ def realised_gaps(found: Diagnosis, model: ParameterSet, motions: Motions) -> di
 
 
 def with_truth(found: Diagnosis, truth: dict[str, Any]) -> Line:
-    """What the truth adds to the line: the amplitudes behind those found, and what was lost on the way."""
+    """Return the true values for the line: amplitudes of the effects, and the number of dropped postures."""
     means = {name: float(np.mean(list(effect["amplitude"].values()))) for name, effect in truth["effects"].items()}
     directions = {
         name: true_directions(name, truth["effects"][name], found.subjects)
-        for name in sorted(found.amplitude.keys() & means)  # of another course the amplitudes are of another kind
+        for name in sorted(found.amplitude.keys() & means)  # amplitudes of another basis are not comparable
     }
     return {
         "true_mean_amplitude": means,
@@ -90,9 +93,10 @@ def with_truth(found: Diagnosis, truth: dict[str, Any]) -> Line:
 
 
 def true_directions(name: str, effect: dict[str, Any], subjects: Sequence[str]) -> dict[str, float]:
-    """Mean over subjects and shown motions of each direction of an effect at full elevation, in the library's units.
+    """Average the true amplitude in each direction over subjects and shown motions, in the library's units.
 
-    Empty where the world has no such numbers: the skin's lag there is not a share of the measured one.
+    Amplitudes are those at full elevation. Empty for the skin artefact: its lag in the world is not a share of the
+    measured lag, as in the library.
     """
     if name == "skin_artefact":
         return {}

@@ -1,7 +1,8 @@
-"""The figures of the withheld-effect check, from the lines of its cases: rates with intervals, as Markdown.
+"""Figures of the withheld-effect check from the result lines of its cases: rates with intervals, as Markdown.
 
-An answer names causes, each by one name or several that the data cannot tell apart. A confident wrong name is an answer
-that hedges nothing, each cause by one name, without the effect at work; where that is outside the list, any such.
+An answer names causes, each by one name or by several that the data cannot tell apart. A "confident wrong name" is an
+answer with one name for each cause and without the active effect; where the active effect is outside the list, it is
+every answer with one name for each cause.
 """
 
 import math
@@ -17,12 +18,12 @@ from scripts.research.named_causes.blind.cases import ALONE, LISTED, kind
 from scripts.research.named_causes.blind.runs import Line, key
 
 CAUSES = tuple(dict.fromkeys(effect.cause for effect in EFFECTS.values()))
-"""What can be named, whatever its course."""
+"""Causes that can be named, whatever their basis."""
 
 _BINS = 10
 _DRAWS = 1000
 _LEAST_PROBABILITY = 1e-6
-"""Less counts as this much: one case that was thought impossible is not to outweigh all others."""
+"""Lower limit of a probability in the log score: one "impossible" case must not outweigh all others."""
 
 _SURE = 0.9
 
@@ -47,14 +48,14 @@ REACH = {
     "amplitude intervals that cover": "92-97 %",
     "error of the predicted shrinkage: median, 90 %": "<= 2, 5 points",
 }
-"""Of every condition."""
+"""Aim of each measure, in every condition."""
 
 
 # Statistics ---------------------------------------------------------------------------------------------------------
 
 
 def rate(hits: Iterable[bool]) -> str:
-    """Share, Wilson interval and count."""
+    """Format a share with its Wilson interval and the count."""
     hit = list(hits)
     if not hit:
         return "-"
@@ -63,26 +64,26 @@ def rate(hits: Iterable[bool]) -> str:
 
 
 def expected_calibration_error(confidence: Sequence[float], right: Sequence[bool]) -> float:
-    """Mean over cases of |share right - mean confidence| of their bin, ten equal bins."""
+    """Compute the mean over cases of |share right - mean confidence| of the case's bin, with ten equal bins."""
     sure, hit = np.asarray(confidence), np.asarray(right, dtype=float)
     at = np.minimum((sure * _BINS).astype(int), _BINS - 1)
     return float(sum(abs((hit - sure)[at == b].sum()) for b in range(_BINS)) / len(sure))
 
 
 def error_by_chance(confidence: Sequence[float]) -> float:
-    """The calibration error to expect of so many cases if every confidence is right: the mean of many draws."""
+    """Compute the expected calibration error of so many cases if every confidence is right: the mean of many draws."""
     sure, generator = np.asarray(confidence), np.random.default_rng(0)
     draws = generator.random((_DRAWS, len(sure))) < sure
     return float(np.mean([expected_calibration_error(confidence, right) for right in draws.tolist()]))
 
 
 def said_at_work(lines: Iterable[Line]) -> list[tuple[float, bool]]:
-    """The probability of every candidate of being at work, and whether it is."""
+    """List, for every candidate of every line, its inclusion probability and whether it is active."""
     return [(p, name in at_work(line)) for line in lines for name, p in line["inclusion"].items()]
 
 
 def calibration(lines: Iterable[Line]) -> str:
-    """The calibration error of these probabilities, by chance alone, and how many they are."""
+    """Format the calibration error of the inclusion probabilities, the error expected by chance, and their number."""
     answers = said_at_work(lines)
     if not answers:
         return "-"
@@ -91,80 +92,83 @@ def calibration(lines: Iterable[Line]) -> str:
 
 
 def surely_at_work(lines: Iterable[Line]) -> str:
-    """How often a candidate is at work that is so with a probability of ``_SURE`` or more."""
+    """Format how often candidates with an inclusion probability of ``_SURE`` or more are active."""
     return rate(right for p, right in said_at_work(lines) if p >= _SURE)
 
 
 def named(line: Line) -> bool:
-    """The answer names effects."""
+    """Check whether the answer names effects."""
     return line["answer"] == EFFECT
 
 
 def names_of(line: Line) -> list[str]:
-    """Every name of every cause, whatever the answer."""
+    """List every name of every cause, whatever the answer."""
     return [name for names in line["causes"] for name in names]
 
 
 def best(line: Line) -> list[str]:
-    """The first name of every cause."""
+    """List the first name of every cause."""
     return [names[0] for names in line["causes"]]
 
 
 def at_work(line: Line) -> set[str]:
-    """The effects at work, or that outside the list."""
+    """Return the active effects, also an effect outside the list."""
     return set(line["label"].split("+"))
 
 
 def covered(line: Line) -> bool:
-    """The effect at work is among the names of a cause."""
+    """Check whether the active effect is among the names of a cause."""
     return named(line) and line["label"] in names_of(line)
 
 
 def first(line: Line) -> str:
-    """The first name of the first cause, 'none' or 'unknown'."""
+    """Return the first name of the first cause, or the answer 'none' or 'unknown'."""
     return best(line)[0] if named(line) else line["answer"]
 
 
 def confidently_wrong(line: Line) -> bool:
-    """An answer that hedges nothing, and is wrong."""
+    """Check whether an answer has one name for each cause and none of them is active."""
     sure = named(line) and all(len(names) == 1 for names in line["causes"])
     return sure and not set(names_of(line)) & at_work(line)
 
 
 def one_too_many(line: Line) -> bool:
-    """A cause is named that is not at work, beside or instead of what is."""
+    """Check whether a cause is named that is not active, beside or instead of the active one."""
     return named(line) and any(not set(names) & at_work(line) for names in line["causes"])
 
 
 def most_probable_effect(line: Line) -> str:
-    """Of the listed effects, whatever the answer."""
+    """Return the most probable of the listed effects, whatever the answer."""
     return max(CAUSES, key=lambda name: line["probability"].get(name, 0.0))
 
 
 def surest(line: Line) -> tuple[float, bool]:
-    """The largest probability, and whether it is the truth's."""
+    """Return the largest probability of the line, and whether it belongs to the truth."""
     name = max(line["probability"], key=line["probability"].__getitem__)
     return line["probability"][name], name == truth_of(line)
 
 
 def truth_of(line: Line) -> str:
-    """The answer that would be right; an effect outside the list is unknown."""
+    """Return the right answer; an effect outside the list is "unknown"."""
     return UNKNOWN if kind(line["label"]) == "outside" else line["label"]
 
 
 def mean_of(values: Sequence[float]) -> str:
-    """Mean and number; a dash where there are none."""
+    """Format mean and number of values; a dash where there are none."""
     return f"{np.mean(values):.2f} ({len(values)})" if values else "-"
 
 
 def log_score(lines: Iterable[Line]) -> str:
-    """Mean log probability of the truth: unlike the calibration error, best for who is sure where it is right."""
+    """Compute the mean log probability of the truth; unlike the calibration error, it rewards sure right answers."""
     found = [math.log(max(line["probability"][truth_of(line)], _LEAST_PROBABILITY)) for line in lines]
     return mean_of(found)
 
 
 def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
-    """Of every direction of a rightly named effect whose true mean the world knows; one that no gap shows has none."""
+    """Check which amplitude intervals hold the true mean, for every direction of a rightly named effect.
+
+    Directions without a known true mean, or without an interval because no gap shows them, are left out.
+    """
     return [
         interval["low"] <= true[direction] <= interval["high"]
         for line in lines
@@ -177,7 +181,7 @@ def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
 
 
 def shrinkages(lines: Iterable[Line], predicted: str = "unseen_deg") -> list[tuple[float, float]]:
-    """Predicted and realised, shares of the adapted gap."""
+    """List predicted and realised shrinkage of the gap, as shares of the adapted gap."""
 
     def shrinkage(adapted: float, with_effect: float) -> float:
         return (adapted - with_effect) / adapted
@@ -190,7 +194,7 @@ def shrinkages(lines: Iterable[Line], predicted: str = "unseen_deg") -> list[tup
 
 
 def mimics(lines: Iterable[Line]) -> dict[tuple[str, int], set[str]]:
-    """By label and seed, what the model does not tell from the effect, from the diagnoses with the whole list."""
+    """Collect, by label and seed, the names that the diagnosis with the whole list cannot tell from the effect."""
     return {
         (line["label"], line["seed"]): {
             name for group in line["indistinguishable"] if line["label"] in group for name in group
@@ -201,7 +205,7 @@ def mimics(lines: Iterable[Line]) -> dict[tuple[str, int], set[str]]:
 
 
 def left_out_outcome(line: Line, like: dict[tuple[str, int], set[str]]) -> str:
-    """What became of an effect that the library did not hold."""
+    """Classify the answer for an effect that was not in the library."""
     if not named(line):
         return line["answer"]
     known = like.get((line["label"], line["seed"]))
@@ -213,9 +217,9 @@ def left_out_outcome(line: Line, like: dict[tuple[str, int], set[str]]) -> str:
 
 
 def mimicry(left_out: Iterable[Line], whole: Iterable[Line]) -> np.ndarray:
-    """Gaps on the unseen motion, deg: [adapted, with the effect at work, with what was named in its place] a world.
+    """Collect gaps on the held-out motion, deg, per world: [adapted, with the active effect, with the wrong name].
 
-    Of worlds in which a wrong name was given without the effect at work in the library, and the right one with it.
+    The worlds are those with a wrong name while the active effect was not in the library, and the right name with it.
     """
 
     def realised(lines: Iterable[Line]) -> dict[tuple[str, int], dict[str, float]]:
@@ -227,7 +231,7 @@ def mimicry(left_out: Iterable[Line], whole: Iterable[Line]) -> np.ndarray:
 
 
 def pair_outcome(line: Line) -> str:
-    """What became of two effects at once."""
+    """Classify the answer for two effects at once."""
     if not named(line):
         return line["answer"]
     found = at_work(line) & set(names_of(line))
@@ -236,7 +240,7 @@ def pair_outcome(line: Line) -> str:
 
 
 def confusions(lines: Iterable[Line]) -> list[tuple[str, str, int, int]]:
-    """Effect at work, name beside or instead of it, how often beside, how often instead: the most first."""
+    """Count confusions: (active effect, name, times beside it, times instead of it), the most frequent first."""
     beside, instead = Counter(), Counter()
     for line in lines:
         if kind(line["label"]) == "effect" and named(line):
@@ -303,11 +307,14 @@ MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
     ),
     "error of the predicted shrinkage: median, 90 %": ("effect", _shrinkage_error),
 }
-"""Each with the kinds of labels it is of."""
+"""Each measure with the kinds of labels it is computed for."""
 
 
 def measure_table(by_condition: dict[str, list[Line]]) -> str:
-    """The figures of all conditions but `loo`, the power curve, and those that say what could be found."""
+    """Tabulate the measures of all conditions except `loo`, the power curve and the conditions with one candidate.
+
+    The latter appear as rows: how often the effect is found where it is the only candidate.
+    """
     apart = ("loo", "power_", ALONE)
     chosen = {c: lines for c, lines in by_condition.items() if not c.startswith(apart)}
     alone = {c: by_condition.get(ALONE + c, []) for c in chosen}
@@ -324,7 +331,7 @@ def measure_table(by_condition: dict[str, list[Line]]) -> str:
 
 
 def _points_less(lines: list[Line], alone: list[Line]) -> str:
-    """By how many points fewer effects are found among all candidates than alone."""
+    """Format by how many percentage points fewer effects are found among all candidates than alone."""
     if not alone:
         return "-"
     both = [np.mean([covered(line) for line in one]) for one in (_of_kind(lines, "effect"), alone)]
@@ -336,13 +343,13 @@ def _of_kind(lines: Iterable[Line], *kinds: str) -> list[Line]:
 
 
 def outcome_table(outcomes: Sequence[str], head: str, possible: Sequence[str]) -> str:
-    """How often each outcome came about."""
+    """Tabulate the share of each outcome."""
     rows = [[one, rate(found == one for found in outcomes)] for one in possible if one in outcomes]
     return markdown([head, "share"], rows)
 
 
 def confusion_matrix(lines: Sequence[Line]) -> str:
-    """Rows the truth, columns the first name of the answer; listed effects by number."""
+    """Tabulate truth (rows) against the first name of the answer (columns); listed effects appear by number."""
     columns = [*CAUSES, NONE, UNKNOWN]
     counts = Counter((line["label"], first(line)) for line in lines)
     outside = sorted({line["label"] for line in _of_kind(lines, "outside")})
@@ -359,7 +366,7 @@ MIMICRY = "gap on a motion that nobody saw, deg"
 
 
 def mimicry_table(left_out: Sequence[Line], whole: Sequence[Line]) -> str:
-    """How well wrong names, and those that hedge nothing, foretell the motion that nobody saw, beside right ones."""
+    """Tabulate how well wrong and confident wrong names predict the held-out motion, beside the right names."""
     columns = {"a wrong name": left_out, "a confident one": [line for line in left_out if confidently_wrong(line)]}
     found = {head: mimicry(lines, whole) for head, lines in columns.items()}
     shown = {f"{head} ({len(gaps_deg)})": gaps_deg.T for head, gaps_deg in found.items() if len(gaps_deg)}
@@ -374,11 +381,11 @@ def mimicry_table(left_out: Sequence[Line], whole: Sequence[Line]) -> str:
 
 
 POWER = {"power_0.25": 0.25, "half": 0.5, "standard": 1.0, "power_1.5": 1.5, "power_2": 2.0}
-"""Sizes of the power curve, in the world's amplitudes."""
+"""Sizes of the power curve, relative to the world's amplitudes."""
 
 
 def power_table(by_condition: dict[str, list[Line]]) -> str:
-    """Share of cases in which the effect at work is the first name of the answer, by its size."""
+    """Tabulate, by effect size, the share of cases in which the active effect is the first name of the answer."""
     by_size = {size: _of_kind(by_condition.get(condition, []), "effect") for condition, size in POWER.items()}
 
     def row(name: str, labels: Sequence[str]) -> list[str]:
@@ -390,7 +397,7 @@ def power_table(by_condition: dict[str, list[Line]]) -> str:
 
 
 def report(lines: Sequence[Line]) -> str:
-    """The whole study as Markdown."""
+    """Write the report of the whole study as Markdown."""
     good = [line for line in lines if "failed" not in line]
     by_condition: dict[str, list[Line]] = {}
     for line in good:

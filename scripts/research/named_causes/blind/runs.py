@@ -1,4 +1,4 @@
-"""Cases to lines of JSON, on every core: one line a case, as soon as it is there; a rerun does only what is missing."""
+"""Run cases on every core and append one JSON line per finished case; a rerun does only the missing cases."""
 
 import hashlib
 import json
@@ -20,45 +20,45 @@ from adapt.engine.compilation_cache import keep_compiled
 from scripts.research.named_causes.blind.cases import ROOT, Case
 
 Line = dict[str, Any]
-"""One case: what `blind_check.py` writes, from JSON."""
+"""Result of one case, as `blind_check.py` writes it to JSON."""
 
 AnyCase = TypeVar("AnyCase", bound=Case)
-"""A case, or one with more to it."""
+"""A case, or a subclass with more fields."""
 
 Examine = Callable[[AnyCase], Line]
 
 
 def run_case(case: AnyCase, how: Examine[AnyCase]) -> Line:
-    """A case to its line; what goes wrong becomes its line."""
+    """Run a case and return its line; an exception is recorded in the line."""
     line = {"origin": "simulated", **asdict(case), "model": case.model, "code": code_state()}
     start = time.monotonic()
     try:
         return finite(line | how(case) | {"seconds": time.monotonic() - start})
-    except Exception as error:  # any failure is one case's: the others go on
+    except Exception as error:  # a failure concerns one case only: the others go on
         return line | {"failed": f"{type(error).__name__}: {error}"}
 
 
 def key(line: Line) -> tuple[str, str, int, int]:
-    """What tells one case from another."""
+    """Return the identity of a case."""
     return line["condition"], line["label"], line["seed"], line["repeat"]
 
 
 def missing(cases: Sequence[AnyCase], lines: Sequence[Line]) -> list[AnyCase]:
-    """The cases that have no line yet, or that failed: a cause may have gone."""
+    """List the cases that have no line yet or failed: the reason of the failure may be gone."""
     done = {key(line) for line in lines if "failed" not in line}
     return [case for case in cases if key(asdict(case)) not in done]
 
 
 @cache
 def code_state() -> str:
-    """Eight digits that change with the code and the numbers of parameter sets: lines of two states are no study."""
+    """Return eight hex digits that change with the code and the parameter sets; a study needs lines of one state."""
     rooms = ("adapt", "models", "motions", "scripts/research/named_causes/synthetic_a")
     files = sorted(path for room in rooms for end in ("py", "toml") for path in (ROOT / room).rglob(f"*.{end}"))
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()[:8]
 
 
 def finite(value: Any) -> Any:
-    """The same for JSON, which knows no infinity and no NaN: null instead."""
+    """Replace infinity and NaN by None, because JSON has neither."""
     if isinstance(value, dict):
         return {k: finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -69,14 +69,14 @@ def finite(value: Any) -> Any:
 
 
 def read_lines(path: Path) -> list[Line]:
-    """The lines of a study, the last of each case; what an interrupted run left of a last line is ignored."""
+    """Read the lines of a study, keeping the last of each case and ignoring an incomplete last line."""
     text = path.read_text(encoding="utf-8") if path.exists() else ""
     lines = [json.loads(line) for line in text.split("\n")[:-1]]
     return list({key(line): line for line in lines}.values())
 
 
 def append_lines(path: Path, lines: Iterator[Line], progress: Callable[[Line], None]) -> None:
-    """Write each line as a whole as soon as it is there, after what is left of an earlier run."""
+    """Append whole lines as soon as they are there, after removing an incomplete last line of an earlier run."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+b") as file:
         file.seek(0)
@@ -88,13 +88,13 @@ def append_lines(path: Path, lines: Iterator[Line], progress: Callable[[Line], N
 
 
 def run(cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase]) -> Iterator[Line]:
-    """The lines of the cases as they are done."""
+    """Yield the lines of the cases as they finish."""
     if jobs == 1:
         keep_compiled()
         yield from (run_case(case, how) for case in cases)
         return
     for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(threads, "1")  # the processes started below are as many as the cores
+        os.environ.setdefault(threads, "1")  # there are as many worker processes as cores already
     pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), keep_compiled)
     try:
         for done in as_completed([pool.submit(run_case, case, how) for case in cases]):
@@ -104,7 +104,7 @@ def run(cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase]) -> Iterator[
 
 
 def run_missing(path: Path, cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase]) -> None:
-    """All cases that are not yet in the file, with a bar on stderr."""
+    """Run all cases that are not yet in the file, with a progress bar on stderr."""
     left = missing(cases, read_lines(path))
     columns = (
         TextColumn("{task.description}"),

@@ -1,7 +1,7 @@
-"""Figures of worlds with several causes, from the lines of their cases: precision and recall by cause, as Markdown.
+"""Figures of worlds with several causes from the result lines of their cases: precision and recall, as Markdown.
 
-A cause that is named is right if one of its names is at work. A cause at work is found if it is a name of one that is
-named. Every candidate of every world has a probability of being at work: so many answers are calibrated.
+A named cause is right if one of its names is active. An active cause is found if it is among the names of a named
+cause. Every candidate of every world has an inclusion probability; the calibration error is over all of them.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -24,7 +24,7 @@ from scripts.research.named_causes.blind.runs import Line
 
 
 def several_report(lines: Sequence[Line]) -> str:
-    """Figures by the number of causes at work, and by cause."""
+    """Tabulate the figures by number of active causes, and by cause."""
     sound = [line for line in lines if "failed" not in line and not line["label"].startswith("outside")]
     counts = sorted({_count(line) for line in sound})
     by_count = {f"{count} at work": [line for line in sound if _count(line) == count] for count in counts}
@@ -55,7 +55,7 @@ def _count(line: Line) -> int:
 
 
 def _flat(lines: Iterable[Line]) -> tuple[list[Line], list[list[str]]]:
-    """Every cause that is named, with its world."""
+    """Return every named cause together with its world's line."""
     pairs = [(line, names) for line in lines if named(line) for names in line["causes"]]
     return [line for line, _ in pairs], [names for _, names in pairs]
 
@@ -78,7 +78,7 @@ def _names(lines: list[Line]) -> str:
 
 
 def _shares(lines: Iterable[Line]) -> list[tuple[float, float]]:
-    """The share of the gap that no cause explains, as the diagnosis tells it and as it is."""
+    """List the share of the gap that no cause explains, as the diagnosis reports it and the true one."""
     pairs = [(line["left_over_share"], line.get("true_left_over_share")) for line in lines]
     return [(told, true) for told, true in pairs if true is not None and np.isfinite([told, true]).all()]
 

@@ -1,8 +1,8 @@
-"""Simulated subjects with a hidden effect: a world of its own, to test the diagnosis on.
+"""Simulated subjects with a hidden effect: an independent world to test the diagnosis on.
 
-Nothing here is shared with the effect library or the fits: rotations, distances, closed chain, courses over elevation
-and the effects themselves are written anew, in NumPy alone, and a parameter set is read as plain data. A world is a
-motion table, which the diagnosis may see, and the truth, which is opened after. Every number of both is simulated.
+The world shares nothing with the effect library or the fits: rotations, distances, closed chain, courses over elevation
+and the effects are written anew, in NumPy alone, and a parameter set is read as plain data. A world consists of a
+motion table, which the diagnosis may see, and the truth, which is opened afterwards. All numbers are simulated.
 
     python -m scripts.research.named_causes.synthetic_a sc_translation --model models/sets/R2.toml \
         --out blind.csv --truth blind.json

@@ -1,4 +1,4 @@
-"""`python -m scripts.research.named_causes.synthetic_a`: one world as files."""
+"""`python -m scripts.research.named_causes.synthetic_a`: write one world as files."""
 
 import argparse
 import json
@@ -11,7 +11,7 @@ from scripts.research.named_causes.synthetic_a.world import ELEVATIONS_DEG, make
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Write one simulated world: a motion file and, apart from it, the truth."""
+    """Write one simulated world: a motion file and, separately, the truth."""
     parser = argparse.ArgumentParser(description="Simulate subjects with a hidden effect, their truth apart.")
     parser.add_argument("label", help=f"{', '.join(LABELS)}; or two joined by '+'")
     parser.add_argument("--model", type=Path, required=True, help="parameter set, TOML")

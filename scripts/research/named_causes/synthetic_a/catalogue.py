@@ -1,4 +1,4 @@
-"""All hidden effects, listed and outside the list: how large they are, and how they are drawn."""
+"""All hidden effects, listed and outside the list: their sizes, and how they are drawn."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,13 +42,14 @@ AMPLITUDE_SPREAD = 0.25
 
 @dataclass(frozen=True)
 class Effect:
-    """How large an effect is at size 1, in which unit, and whether its sign is its nature's or drawn."""
+    """An effect: its maker, its amplitude at size 1 with unit, and the rule for its sign."""
 
     make: Callable[[Draw], Change]
     scale: float
     unit: str
     sign: str = "drawn"
-    """'drawn' once a world; 'natural' positive; either is drawn per subject with mixed_sign; 'one-sided' never is."""
+    """Rule for the sign. 'drawn': once per world; 'natural': positive; with mixed_sign either kind is drawn per subject
+    instead. 'one-sided': always positive."""
     spread: float = AMPLITUDE_SPREAD
 
 
@@ -81,7 +82,7 @@ LABELS = ("none", *EFFECTS)
 
 
 def effects_of(label: str) -> list[str]:
-    """The effects that a label names: none, one, or two joined by '+'."""
+    """Split a label into its effects, joined by '+'; 'none' has none."""
     names = [] if label == "none" else label.split("+")
     unknown = [name for name in names if name not in EFFECTS]
     if unknown or len(set(names)) != len(names):
@@ -90,7 +91,7 @@ def effects_of(label: str) -> list[str]:
 
 
 def draw_effect(name: str, postures: Postures, size: float, seed: int, mixed_sign: bool) -> tuple[Change, Draw]:
-    """Amplitudes and shapes of one effect; `size` scales the amplitudes and changes no other draw."""
+    """Draw amplitudes and shapes of one effect; `size` scales the amplitudes and changes no other draw."""
     effect = EFFECTS[name]
     rng = np.random.default_rng([seed, EFFECT_STREAM, LABELS.index(name)])
     spread = np.maximum(1.0 + effect.spread * rng.standard_normal(postures.subjects), 0.3)

@@ -1,4 +1,4 @@
-"""The closed chain of thorax, clavicle and scapula, and its parameter set as plain data."""
+"""The closed chain of thorax, clavicle and scapula, read from a parameter set as plain data."""
 
 import tomllib
 from dataclasses import dataclass, fields
@@ -12,12 +12,12 @@ from scripts.research.named_causes.synthetic_a.rotations import apply, cardan_ax
 from scripts.research.named_causes.synthetic_a.thorax import surface_distance
 
 CLOSED_MM = 1e-9
-"""A chain is closed below this; double precision leaves about 1e-13 mm."""
+"""Largest residual of a closed chain; double precision leaves about 1e-13 mm."""
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Geometry of n postures, each with its own numbers, mm; the first axis of every array is the posture."""
+    """Geometry of n postures, in mm, each with its own numbers; the first axis of every array is the posture."""
 
     centre: Array
     semi: Array
@@ -26,7 +26,7 @@ class Chain:
     sc: Array
     length: Array
     ac_shift: Array
-    """Of the AC centre, in the clavicle frame."""
+    """Displacement of the AC centre, in the clavicle frame."""
     clavicle_conoid: Array
     ts: Array
     ai: Array
@@ -35,21 +35,21 @@ class Chain:
     """Distance of TS, distance of AI, length of the conoid (n, 3)."""
 
     def rows(self, keep: Mask) -> "Chain":
-        """The chain of some of the postures."""
+        """Select some of the postures."""
         return Chain(**{f.name: getattr(self, f.name)[keep] for f in fields(self)})
 
     def points(self, q: Array) -> tuple[Array, Array, Array, Array]:
-        """SC, AC, TS, AI (n, 3) in the thorax frame, mm, at angles q (n, 6) in rad."""
+        """Compute SC, AC, TS, AI (n, 3) in the thorax frame, mm, at angles q (n, 6) in rad."""
         R_C, R_S = rotation_from_cardan(q[:, :3]), rotation_from_cardan(q[:, 3:])
         ac = self.sc + apply(R_C, self.clavicle_end())
         return self.sc, ac, ac + apply(R_S, self.ts), ac + apply(R_S, self.ai)
 
     def clavicle_end(self) -> Array:
-        """AC in the clavicle frame (n, 3)."""
+        """Return AC in the clavicle frame (n, 3)."""
         return self.ac_shift + self.length[:, None] * np.array([1.0, 0.0, 0.0])
 
     def gap(self, q: Array) -> tuple[Array, Array]:
-        """How far A1-A3 are from closed (n, 3) in mm, and the derivative (n, 3, 6) in mm/rad, at q (n, 6) in rad."""
+        """Compute the residuals of A1-A3 (n, 3) in mm and their derivatives (n, 3, 6) in mm/rad, at q (n, 6) in rad."""
         R_C, R_S = rotation_from_cardan(q[:, :3]), rotation_from_cardan(q[:, 3:])
         axes_C, axes_S = cardan_axes(q[:, :3], R_C), cardan_axes(q[:, 3:], R_S)
         end = apply(R_C, self.clavicle_end())
@@ -69,7 +69,8 @@ class Chain:
         return np.stack(gap, -1) - self.targets, np.stack(slope, 1)
 
     def close(self, wish: Array) -> tuple[Array, Array]:
-        """The closed posture near `wish` (n, 6) in rad by damped least-norm Gauss-Newton steps, and its gap in mm."""
+        """Find the closed posture near `wish` (n, 6), rad, by damped least-norm Gauss-Newton steps; return it and its
+        residuals in mm."""
         q = wish.copy()
         gap, G = self.gap(q)
         for _ in range(60):
@@ -87,13 +88,13 @@ class Chain:
 
 
 def _turn(n: Array, axes_C: Array, arm_C: Array, axes_S: Array, arm_S: Array) -> Array:
-    """Derivative (n, 6) along n of a point that hangs on clavicle arm and scapula arm."""
+    """Compute the derivative (n, 6), along n, of a point at the end of a clavicle arm and a scapula arm."""
     by_C = np.sum(n * np.cross(axes_C, arm_C[:, None]), axis=-1)
     return np.concatenate([by_C, np.sum(n * np.cross(axes_S, arm_S[:, None]), axis=-1)], -1)
 
 
 def read_chain(path: str | Path, n: int) -> tuple[str, Chain]:
-    """Name and geometry of a parameter set (TOML), the same in all n postures."""
+    """Read name and geometry of a parameter set (TOML), the same for all n postures."""
     data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     thorax, clavicle, scapula, constraint = (data[k] for k in ("thorax", "clavicle", "scapula", "constraint"))
     targets = [constraint[k] for k in ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")]

@@ -1,4 +1,4 @@
-"""What a hidden effect draws for a world, its course over elevation, and what it changes."""
+"""Random draws of a hidden effect, its course over elevation, and the change that it makes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from scripts.research.named_causes.synthetic_a.conventions import Array
 from scripts.research.named_causes.synthetic_a.subjects import Postures
 
 FULL_ELEVATION_DEG = 150.0
-"""Where an elevation-dependent effect reaches its amplitude."""
+"""Elevation at which an elevation-dependent effect reaches its amplitude."""
 
 
 def _between(raw: Callable[[Array], Array], x: Array) -> Array:
@@ -34,26 +34,29 @@ COURSES: dict[str, tuple[tuple[tuple[float, float], ...], Callable[[Array, Array
     "hinge": (((0.3, 0.5), (0.05, 0.1)), lambda x, k: _between(lambda u: np.logaddexp(0.0, (u - k[0]) / k[1]), x)),
     "wiggle": (((1.3, 1.8), (0.06, 0.12)), lambda x, k: x ** k[0] + k[1] * np.sin(2.0 * np.pi * x)),
 }
-"""Per course the ranges of its shape parameters, drawn once a world, and the course itself: 0 with the arm hanging and
-1 at full elevation, of x = elevation / full elevation. None is a straight line."""
+"""For each course the ranges of its shape parameters, drawn once per world, and its function of x = elevation / full
+elevation, which is 0 with the arm hanging and 1 at full elevation. No course is a straight line."""
 
 
 @dataclass
 class Draw:
-    """What one hidden effect draws for a world; `notes` goes to the truth."""
+    """Random draws of one hidden effect in a world; `notes` goes to the truth."""
 
     postures: Postures
     amplitude: Array
-    """One a subject, in the effect's unit, size and sign included (s,)."""
+    """Amplitude of each subject, in the effect's unit, size and sign included (s,)."""
     rng: np.random.Generator
     notes: dict[str, Any] = field(default_factory=dict)
 
     def constant(self) -> Array:
-        """The amplitude at every posture (n,)."""
+        """Return the amplitude at every posture (n,)."""
         return self.amplitude[self.postures.subject]
 
     def level(self, *courses: str) -> Array:
-        """Amplitude times a course over elevation (n,): drawn once a world, bent a little by subject and motion."""
+        """Return the amplitude times a course over elevation (n,).
+
+        One course is drawn per world; its shape parameters vary a little by subject, its height by motion.
+        """
         s, postures = self.postures.subject, self.postures
         name = str(self.rng.choice(courses))
         ranges, course = COURSES[name]
@@ -67,7 +70,7 @@ class Draw:
         return self.constant() * (offset[s] + (1.0 - offset[s]) * f) * by_motion[postures.motion]
 
     def direction(self, mean: Sequence[float], world_sd: float, subject_sd: float = 0.15) -> Array:
-        """Unit vectors at every posture (n, 3): one direction near `mean` a world, each subject's near that."""
+        """Draw unit vectors for every posture (n, 3): one direction near `mean` per world, each subject's near it."""
         common = np.asarray(mean) + world_sd * self.rng.standard_normal(3)
         common /= np.linalg.norm(common)
         own = common + subject_sd * self.rng.standard_normal((self.postures.subjects, 3))
@@ -76,18 +79,19 @@ class Draw:
         return own[self.postures.subject]
 
     def pick(self, key: str, options: Sequence[Any]) -> Any:
-        """One of the options, noted under `key`."""
+        """Draw one of the options and note it under `key`."""
         self.notes[key] = options[int(self.rng.integers(len(options)))]
         return self.notes[key]
 
 
 @dataclass(frozen=True)
 class Change:
-    """What an effect changes: the chain, or the angles that are measured of it (n, 6) in rad, or neither."""
+    """Change that an effect makes: to the chain, or to its measured angles (n, 6) in rad, or to neither."""
 
     chain: Callable[[Chain], Chain] = lambda chain: chain
     angles: Callable[[Array], Array] = lambda q: q
     moves_landmarks: str = ""
-    """'' they stay on the true bones; 'scapula' TS and AI follow the measured scapula; 'all' turn with the frame."""
+    """Landmarks: '' stay on the true bones; 'scapula': TS and AI follow the measured scapula; 'all' turn with the
+    frame."""
     turn: Array | None = None
-    """For 'all': the rotation vector of the frame (n, 3) in rad."""
+    """Rotation vector of the frame (n, 3) in rad, for 'all'."""

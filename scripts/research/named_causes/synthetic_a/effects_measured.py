@@ -1,4 +1,4 @@
-"""The listed effects that change what is measured."""
+"""The listed effects that change the measurement."""
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from scripts.research.named_causes.synthetic_a.rotations import (
 
 
 def turned(q: Array, bone: int, vector: Array, left: bool = False) -> Array:
-    """Angles q (n, 6) with bone 0 (clavicle) or 1 (scapula) turned by a vector (n, 3) in rad.
+    """Turn bone 0 (clavicle) or 1 (scapula) of the angles q (n, 6) by a rotation vector (n, 3), in rad.
 
-    The vector is in the bone's own frame or, left, in the thorax frame.
+    The vector is in the bone's own frame or, with ``left``, in the thorax frame.
     """
     part = slice(3 * bone, 3 * bone + 3)
     R, E = rotation_from_cardan(q[:, part]), rotation_from_vector(vector)

@@ -122,6 +122,6 @@ def outside_gain(w: Draw) -> Change:
 
 
 def _subject_mean(value: Array, postures: Postures) -> Array:
-    """Each subject's mean of a value (n,), at each of its postures (n,)."""
+    """Compute each subject's mean of a value (n,), repeated for each of its postures (n,)."""
     total = np.bincount(postures.subject, value, postures.subjects)
     return (total / np.bincount(postures.subject, minlength=postures.subjects))[postures.subject]

@@ -1,4 +1,4 @@
-"""Subjects, how they would move, and the parameters of each."""
+"""Simulated subjects: their postures, their wished-for motion, and their parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,30 +19,30 @@ REST_SD_DEG = np.array([5.0, 4.0, 4.0, 5.0, 4.0, 4.5])
 SLOPE_SD = 0.12
 PARAMETER_SD_MM = np.array([15.0, 5.0, 3.0, 15.0, 8.0, 1.5])
 OTHER_SPREAD = 2.0
-"""The people of a world vary by so many times that at most, or that divided by it: each parameter by its own."""
+"""Largest factor on PARAMETER_SD_MM in a world; its inverse is the smallest. Each parameter has its own factor."""
 SIZE_SD = 0.05
-"""And at most by this share in the size of the whole thorax, about so large:"""
+"""Largest SD, in a world, of the size of the whole thorax, as a share of the sizes THORAX_MM:"""
 THORAX_MM = np.array([0.0, 0.0, 130.0, 250.0, 110.0, 0.0])
 
 
 @dataclass(frozen=True)
 class Postures:
-    """Which posture is whose: n postures of all subjects, in the order of the table."""
+    """Subject, motion and elevation of each of the n postures, in the order of the table."""
 
     subjects: int
     motions: tuple[str, ...]
     subject: Index
     motion: Index
     number: Index
-    """1, 2, ... within a motion."""
+    """Number of the posture within its motion: 1, 2, ..."""
     session: Array
-    """Place in the subject's session, 0 the first posture, 1 the last."""
+    """Position in the subject's session: 0 is the first posture, 1 the last."""
     elevation_deg: Array
     plane_deg: Array
 
 
 def lay_out(subjects: int, motions: Sequence[str], elevations_deg: Sequence[float]) -> Postures:
-    """All postures: subjects x motions x elevations."""
+    """Lay out all postures: subjects x motions x elevations."""
     shape = (subjects, len(motions), len(elevations_deg))
     subject, motion, posture = (i.ravel() for i in np.indices(shape))
     order = motion * shape[2] + posture
@@ -60,7 +60,7 @@ def lay_out(subjects: int, motions: Sequence[str], elevations_deg: Sequence[floa
 
 @dataclass(frozen=True)
 class Subjects:
-    """What makes a subject: s rows."""
+    """Random properties of s subjects, one row each."""
 
     parameter_mm: Array
     """Offsets of PARAMETERS from the parameter set (s, 6)."""
@@ -72,16 +72,16 @@ class Subjects:
 
 
 def draw_people(seed: int) -> tuple[Array, float]:
-    """How people differ in a world, whatever the effect: SDs of PARAMETERS, mm, and of the size of the thorax, a share.
+    """Draw how people differ in a world: SDs of PARAMETERS, mm, and of the size of the thorax, as a share.
 
-    Drawn for each world, so that a diagnosis cannot know them.
+    The draw depends on the seed alone, not on the effect, and a diagnosis cannot know it.
     """
     rng = np.random.default_rng([seed, PEOPLE_STREAM])
     return PARAMETER_SD_MM * OTHER_SPREAD ** rng.uniform(-1.0, 1.0, len(PARAMETER_SD_MM)), rng.uniform(0.0, SIZE_SD)
 
 
 def draw_subject(seed: int, number: int, attempt: int) -> Subjects:
-    """One subject (s = 1); the same whatever the effect."""
+    """Draw one subject (s = 1), the same for every effect."""
     rng = np.random.default_rng([seed, SUBJECT_STREAM, number, attempt])
 
     def bell(n: int) -> Array:
@@ -97,15 +97,16 @@ def draw_subject(seed: int, number: int, attempt: int) -> Subjects:
 
 
 def join(parts: Sequence[Subjects]) -> Subjects:
-    """Subjects one below the other."""
+    """Concatenate subjects."""
     names = ("parameter_mm", "rest_deg", "slope", "axial_deg")
     return Subjects(**{k: np.concatenate([getattr(p, k) for p in parts]) for k in names})
 
 
 def rhythm_deg(people: Subjects, postures: Postures) -> Array:
-    """Wished-for angles (n, 6) in deg: the regressions of de Groot & Brand 2001, the axial rotation on its own course.
+    """Compute the wished-for angles (n, 6) in deg: the regressions of de Groot & Brand 2001, with a separate course of
+    the axial rotation.
 
-    The plane of elevation fades in over the first 30 deg: a hanging arm has none.
+    The plane of elevation fades in over the first 30 deg, because a hanging arm has none.
     """
     s, Hz = postures.subject, postures.elevation_deg
     Hy = postures.plane_deg * -np.expm1(-((Hz / 15.0) ** 2))
@@ -123,7 +124,7 @@ def rhythm_deg(people: Subjects, postures: Postures) -> Array:
 
 
 def with_parameters(chain: Chain, people: Subjects, postures: Postures) -> Chain:
-    """The chain with each subject's own thorax and conoid, mm."""
+    """Return the chain with each subject's own thorax and conoid, mm."""
     d = people.parameter_mm[postures.subject]
     centre, semi, targets = chain.centre.copy(), chain.semi.copy(), chain.targets.copy()
     centre[:, 1:] += d[:, :2]

@@ -6,10 +6,10 @@ from scripts.research.named_causes.synthetic_a.conventions import Array
 
 
 def ellipsoid_foot(point: Array, semi: Array) -> Array:
-    """Closest point (n, 3) of the ellipsoid |x / semi| = 1 to `point`, both about its centre, mm.
+    """Compute the closest point (n, 3) of the ellipsoid |x / semi| = 1 to `point`, both relative to its centre, mm.
 
-    The foot is semi^2 x / (semi^2 + t); t is the largest root of a function that falls and is convex from a start at
-    its left, so that Newton's steps approach it from one side.
+    The closest point is semi^2 x / (semi^2 + t); t is the largest root of a function that decreases and is convex to
+    the right of the start, so that Newton's steps approach the root from one side.
     """
     square = semi**2
     t = np.max(semi * np.abs(point) - square, axis=-1)
@@ -24,11 +24,12 @@ def ellipsoid_foot(point: Array, semi: Array) -> Array:
 
 
 def superquadric_foot(point: Array, semi: Array, exponent: Array) -> Array:
-    """Closest point (n, 3) of sum |x / semi|^p = 1 to `point`, mm: Newton on y - x + m grad F(y) = 0, F(y) = 1.
+    """Compute the closest point (n, 3) of sum |x / semi|^p = 1 to `point`, mm.
 
-    The second derivative of F is diagonal, so a step is written out. It starts at the ellipsoid's foot, radially moved
-    onto the surface, and each step is again moved onto the surface. Where that does not settle (deep inside, at the
-    ridges of a small exponent) the answer is NaN, and the posture counts as open.
+    Newton's method solves y - x + m grad F(y) = 0, F(y) = 1; the second derivative of F is diagonal, so each step has a
+    closed form. The start is the ellipsoid's closest point, moved radially onto the surface, as every iterate is. Where
+    the iteration does not converge (deep inside, at the ridges of a small exponent) the result is NaN, and the posture
+    counts as open.
     """
     p, late = exponent[:, None], np.ones(len(point), dtype=bool)
 
@@ -56,7 +57,7 @@ def superquadric_foot(point: Array, semi: Array, exponent: Array) -> Array:
 
 
 def surface_distance(point: Array, semi: Array, exponent: Array) -> tuple[Array, Array]:
-    """Signed Euclidean distance (n,) in mm, outside positive, and its gradient, the unit outward normal (n, 3)."""
+    """Compute the signed distance (n,) in mm, outside positive, and its gradient, the unit outward normal (n, 3)."""
     foot = ellipsoid_foot(point, semi)
     bent = exponent != 2.0
     if bent.any():

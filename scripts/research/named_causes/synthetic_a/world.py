@@ -36,7 +36,7 @@ from scripts.research.named_causes.synthetic_a.subjects import (
 ELEVATIONS_DEG = (0.0, 25.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 LANDMARK_NOISE_MM = 2.0
 MAX_MOVE_DEG = 25.0
-"""A subject whose wished-for posture lies further from the closed chain in any angle is no plausible one."""
+"""Limit on each angle between the wished-for and the closed posture; a subject beyond it is not plausible."""
 ATTEMPTS = 200
 """Draws of one subject before its open postures are dropped."""
 
@@ -50,7 +50,7 @@ class World:
     clean_deg: Array
     """Measured angles without noise (n, 6)."""
     true_deg: Array
-    """The closed posture itself (n, 6)."""
+    """Angles of the closed posture (n, 6)."""
     closure_mm: Array
     """A1-A3 of the true chain, effect included, at the true posture (n, 3)."""
     gap_mm: Array
@@ -69,9 +69,9 @@ def make_world(
     mixed_sign: bool = False,
     landmarks: bool = False,
 ) -> World:
-    """Simulated subjects with the effect `label` hidden in their motions.
+    """Simulate subjects with the effect `label` hidden in their motions.
 
-    `noise_deg` is the SD on each angle, `size` a factor on the amplitudes (0 is no effect), `elevations` are of the
+    `noise_deg` is the SD on each angle, `size` a factor on the amplitudes (0: no effect), `elevations` are of the
     humerus in deg, `mixed_sign` draws the effect's sign for each subject, `landmarks` adds columns in mm.
     """
     names = effects_of(label)
@@ -117,11 +117,11 @@ def make_world(
 def close_subjects(
     base: Chain, postures: Postures, changes: Sequence[Change], seed: int
 ) -> tuple[Subjects, Chain, Chain, Array, Array, Mask]:
-    """Subjects whose chains close with the effects at work.
+    """Draw subjects whose chains close with the active effects.
 
-    Returned: the subjects, their chains without and with the effects, the closed postures (n, 6) in rad, their gap
-    (n, 3) in mm, and which postures stayed open. A subject with an open or far-off posture is drawn anew, the others
-    are kept.
+    Returns the subjects, their chains without and with the effects, the closed postures (n, 6) in rad, their residuals
+    (n, 3) in mm, and a mask of the postures that stayed open. A subject with an open or implausible posture is drawn
+    again; the other subjects are kept.
     """
     drawn = [draw_subject(seed, s, 0) for s in range(postures.subjects)]
     n = len(postures.subject)
@@ -146,7 +146,7 @@ def close_subjects(
 
 
 def measure(chain: Chain, q: Array, changes: Sequence[Change]) -> tuple[Array, list[Array]]:
-    """Angles (n, 6) in rad and the points SC, AC, TS, AI (n, 3) in mm as a measurement without noise gives them."""
+    """Return the noise-free measurement: angles (n, 6) in rad, and the points SC, AC, TS, AI (n, 3) in mm."""
     measured = q
     points = list(chain.points(q))
     for change in changes:
@@ -174,7 +174,7 @@ def tell(
     mixed_sign: bool,
     dropped: Mask,
 ) -> dict[str, Any]:
-    """The truth, ready for JSON."""
+    """Collect the truth, ready for JSON."""
     ids = [f"simulated{s + 1:02d}" for s in range(postures.subjects)]
     start = np.concatenate([base.centre[0, 1:], base.semi[0], base.targets[0, 2:]])
     effects = {}

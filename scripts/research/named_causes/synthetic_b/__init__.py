@@ -1,8 +1,8 @@
 """A second simulated world to test the diagnosis on, by another author than the first (``synthetic_a``).
 
-Written without sight of effect library, fits or the first world: only the parameter sets (plain data), the conventions
-and the one-line descriptions of the effects are shared, so that what the others of this project take for granted is not
-taken for granted here. Each world is a folder with motions.csv (what the laboratory saw) and truth.json.
+Its author did not see the effect library, the fits or the first world. Only the parameter sets (plain data), the
+conventions and the one-line descriptions of the effects are shared, so that this world does not rest on the same
+assumptions as the rest of the project. Each world is a folder with motions.csv (the laboratory's data) and truth.json.
 
     python -m scripts.research.named_causes.synthetic_b out/worlds --condition ten
     python scripts/research/named_causes/external_worlds.py out/worlds --out out/external

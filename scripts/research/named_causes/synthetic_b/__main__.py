@@ -1,4 +1,4 @@
-"""`python -m scripts.research.named_causes.synthetic_b`: the worlds of a condition as files."""
+"""`python -m scripts.research.named_causes.synthetic_b`: write the worlds of a condition as files."""
 
 from pathlib import Path
 from typing import Annotated

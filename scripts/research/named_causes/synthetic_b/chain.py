@@ -1,4 +1,4 @@
-"""The girdle as a closed chain at one instant, and the posture that closes it nearest to a wish."""
+"""The girdle as a closed chain at one instant, and the closed posture nearest to a wished-for one."""
 
 import tomllib
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from scipy.optimize import minimize
 
 Array = NDArray[np.float64]
 
-# Clavicle y, z and scapula z are the free coordinates and keep to their course; the other three give way to the chain.
+# Clavicle y, z and scapula z are the free coordinates and follow their course; the other three give way to the chain.
 FOLLOW_DEG = np.array([1.5, 1.5, 3.0, 3.0, 1.5, 3.0])
-STRAY_DEG = np.array([15.0, 15.0, 30.0, 20.0, 15.0, 20.0])  # farther from the wish than this is no real posture
+STRAY_DEG = np.array([15.0, 15.0, 30.0, 20.0, 15.0, 20.0])  # a posture farther from the wish than this is not real
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,12 @@ class Girdle:
     centre: Array
     axes: Array
     tilt: Array  # columns: the ellipsoid's axes in the thorax frame
-    bulge_mm: float  # how far the rib cage stands out over the ellipsoid, at most
-    bulge_azimuth: float  # rad, from lateral toward backward: where the ribs turn
+    bulge_mm: float  # largest height of the rib cage above the ellipsoid
+    bulge_azimuth: float  # rad, from lateral toward backward: position of the rib angle
     sc: Array
     length: float
     clavicle_conoid: Array
-    ac_shift: Array  # of the acromion from the clavicle's end, clavicle frame
+    ac_shift: Array  # displacement of the acromion from the clavicle's end, clavicle frame
     ts: Array
     ai: Array
     scapula_conoid: Array
@@ -37,7 +37,7 @@ class Girdle:
 
 
 def load_girdle(path: Path) -> Girdle:
-    """Read a parameter set; the cadaver itself, without any effect."""
+    """Read a parameter set: the cadaver's girdle, without any effect."""
     data = tomllib.loads(path.read_text(encoding="utf-8"))
     thorax, clavicle, scapula, constraint = (data[key] for key in ("thorax", "clavicle", "scapula", "constraint"))
     return Girdle(
@@ -60,7 +60,7 @@ def load_girdle(path: Path) -> Girdle:
 
 
 def cardan(degrees: Array) -> Array:
-    """Rotation matrices Ry(a) Rz(b) Rx(c) of angles (..., 3)."""
+    """Compute the rotation matrices Ry(a) Rz(b) Rx(c) of angles (..., 3) in deg."""
     a, b, c = np.moveaxis(np.radians(degrees), -1, 0)
     ca, sa, cb, sb, cc, sc = np.cos(a), np.sin(a), np.cos(b), np.sin(b), np.cos(c), np.sin(c)
     rows = [
@@ -72,7 +72,7 @@ def cardan(degrees: Array) -> Array:
 
 
 def cardan_angles(matrix: Array) -> Array:
-    """Angles (deg) of Ry(a) Rz(b) Rx(c)."""
+    """Compute the angles (deg) of Ry(a) Rz(b) Rx(c)."""
     a = np.arctan2(-matrix[..., 2, 0], matrix[..., 0, 0])
     b = np.arcsin(np.clip(matrix[..., 1, 0], -1.0, 1.0))
     c = np.arctan2(-matrix[..., 1, 2], matrix[..., 1, 1])
@@ -80,10 +80,11 @@ def cardan_angles(matrix: Array) -> Array:
 
 
 def surface_distance(points: Array, girdle: Girdle) -> Array:
-    """Signed distance (outside positive) of points (..., 3) to the rib cage.
+    """Compute the signed distance (outside positive) of points (..., 3) to the rib cage.
 
-    The foot on the ellipsoid is a^2 p / (a^2 + t); its equation in t is convex and falling, so that Newton from the
-    lower bound goes straight to the root. A rib cage that stands out from the ellipsoid makes the distance smaller.
+    The closest point of the ellipsoid is a^2 p / (a^2 + t); its equation in t is convex and decreasing, so that
+    Newton's method from the lower bound converges monotonically. A rib cage that bulges out of the ellipsoid reduces
+    the distance.
     """
     p = (points - girdle.centre) @ girdle.tilt
     a2 = girdle.axes**2
@@ -100,7 +101,7 @@ def surface_distance(points: Array, girdle: Girdle) -> Array:
 
 
 def bulge(unit: Array, azimuth: float) -> Array:
-    """Relief of a real rib cage on the unit sphere: out at the angle of the ribs, in at the spine and at the top."""
+    """Compute the height of the rib cage on the unit sphere: high at the rib angle, low at the spine and at the top."""
     around = np.arctan2(unit[..., 2], unit[..., 0])
     rib_angle = np.exp(-(((around - azimuth) / 0.35) ** 2))
     spine = np.exp(-(((around - 1.6) / 0.35) ** 2))
@@ -109,7 +110,7 @@ def bulge(unit: Array, azimuth: float) -> Array:
 
 
 def points_of(degrees: Array, girdle: Girdle) -> dict[str, Array]:
-    """Where the landmarks and the two conoid attachments are, thorax frame."""
+    """Compute the positions of the landmarks and of the two conoid attachments, thorax frame."""
     R_clavicle, R_scapula = cardan(degrees[..., :3]), cardan(degrees[..., 3:])
     ac = girdle.sc + R_clavicle @ (np.array([girdle.length, 0.0, 0.0]) + girdle.ac_shift)
     return {
@@ -123,7 +124,7 @@ def points_of(degrees: Array, girdle: Girdle) -> dict[str, Array]:
 
 
 def chain(degrees: Array, girdle: Girdle) -> Array:
-    """The three constraint residuals (mm): TS distance, AI distance, conoid length."""
+    """Compute the three constraint residuals (mm): TS distance, AI distance, conoid length."""
     at = points_of(degrees, girdle)
     conoid = np.linalg.norm(at["conoid_scapula"] - at["conoid_clavicle"], axis=-1)
     distance = surface_distance(np.stack([at["TS"], at["AI"]]), girdle)
@@ -132,14 +133,14 @@ def chain(degrees: Array, girdle: Girdle) -> Array:
 
 
 def chain_slope(degrees: Array, girdle: Girdle) -> Array:
-    """Central differences of the residuals, (3, 6), mm a degree."""
+    """Compute central differences of the residuals, (3, 6), mm per degree."""
     h = 1e-4
     steps = h * np.eye(6)
     return ((chain(degrees + steps, girdle) - chain(degrees - steps, girdle)) / (2.0 * h)).T
 
 
 def close_chain(wish: Array, start: Array, girdle: Girdle) -> Array | None:
-    """The closed posture that keeps closest to the wished course, or None if the chain cannot be closed near it."""
+    """Find the closed posture nearest to the wished-for course, or None if the chain does not close near it."""
     found = minimize(
         lambda q: float(np.sum(((q - wish) / FOLLOW_DEG) ** 2)),
         start,
@@ -149,7 +150,7 @@ def close_chain(wish: Array, start: Array, girdle: Girdle) -> Array | None:
         options={"maxiter": 80, "ftol": 1e-5},
     )
     q, gap = found.x, chain(found.x, girdle)
-    for _ in range(8):  # polish: SLSQP stops at some 1e-4 mm
+    for _ in range(8):  # Newton steps, because SLSQP stops at approximately 1e-4 mm
         if np.max(np.abs(gap)) < 1e-9 or not np.all(np.abs(q - wish) < STRAY_DEG):
             break
         q = q - np.linalg.pinv(chain_slope(q, girdle)) @ gap

@@ -1,4 +1,4 @@
-"""The effects that bend the girdle or the laboratory's frames, posture by posture."""
+"""The effects that change the girdle or the laboratory's frames, posture by posture."""
 
 from dataclasses import dataclass, replace
 
@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from scripts.research.named_causes.synthetic_b.chain import Array, Girdle
 
-# Typical size of an effect at its largest within the range of motion: mm, deg, or a fraction (`girdle effects`).
+# Range of an effect's typical size, at its largest within the motion: mm, deg, or a fraction (`girdle effects`).
 SIZES = {
     "scapulothoracic_gap": (5.0, 10.0),
     "conoid_strain": (2.0, 4.0),
@@ -15,7 +15,7 @@ SIZES = {
     "sc_translation": (3.0, 8.0),
     "thorax_tilt": (5.0, 10.0),
     "thorax_asymmetry": (5.0, 10.0),
-    "thorax_shape": (0.2, 0.4),  # as a superquadric exponent; a bulge of 20 mm a unit here, see Girdle.bulge_mm
+    "thorax_shape": (0.2, 0.4),  # as a superquadric exponent; here a bulge of 20 mm per unit, see Girdle.bulge_mm
     "clavicle_length": (0.06, 0.10),
     "scapula_size": (0.06, 0.10),
     "scapula_landmark_bias": (4.0, 12.0),
@@ -28,52 +28,52 @@ ONE_SIDED = {"conoid_strain", "clavicle_axial_estimate", "skin_artefact", "thora
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect in one subject. `direction` is a unit vector whose meaning belongs to the effect."""
+    """One effect in one subject. `direction` is a unit vector whose meaning depends on the effect."""
 
     name: str
     size: float
     direction: Array
     onset: float  # deg of elevation
-    top: float  # deg, the subject's largest elevation: there the effect has its full size
-    ratio: float  # between 0 and 1, an inner proportion of the effect
+    top: float  # deg, the subject's largest elevation, where the effect has its full size
+    ratio: float  # between 0 and 1, a proportion within the effect
 
 
 def ramp(elevation: float, onset: float, top: float) -> float:
-    """Smooth rise from 0 at the onset to 1 at the top, flat at both ends."""
+    """Compute a smooth rise from 0 at the onset to 1 at the top, flat at both ends."""
     x = float(np.clip((elevation - onset) / (top - onset), 0.0, 1.0))
     return x * x * (3.0 - 2.0 * x)
 
 
 def late(elevation: float, onset: float, top: float, power: float = 1.8) -> float:
-    """Nothing before the onset, then faster and faster to 1 at the top."""
+    """Compute an accelerating rise: 0 up to the onset, 1 at the top."""
     return float(np.clip((elevation - onset) / (top - onset), 0.0, None) ** power)
 
 
 def early(elevation: float, top: float) -> float:
-    """Most of the rise in the first part of the motion, 1 at the top."""
+    """Compute a rise to 1 at the top that is mostly done in the first part of the motion."""
     return float((1.0 - np.exp(-elevation / 45.0)) / (1.0 - np.exp(-top / 45.0)))
 
 
 def turned(axis_angle_deg: Array) -> Array:
-    """Rotation matrix of an axis times an angle in degrees."""
+    """Compute the rotation matrix of a rotation vector (axis times angle) in degrees."""
     return Rotation.from_rotvec(axis_angle_deg, degrees=True).as_matrix()
 
 
 def bend_geometry(girdle: Girdle, effect: Effect, elevation: float, breath: float) -> Girdle:
-    """The girdle as the effect makes it at this elevation; effects on the measurement leave it alone."""
+    """Return the girdle with the effect at this elevation; effects on the measurement leave it unchanged."""
     size, onset, top, ratio = effect.size, effect.onset, effect.top, effect.ratio
     match effect.name:
-        case "scapulothoracic_gap":  # muscle swells under the scapula and then no more; under TS less than under AI
+        case "scapulothoracic_gap":  # the muscle under the scapula swells up to a limit; less under TS than under AI
             rise = size * ramp(elevation, onset, 0.8 * top)
             return replace(
                 girdle,
                 ts_distance=girdle.ts_distance + (0.3 + 0.5 * ratio) * rise,
                 ai_distance=girdle.ai_distance + rise,
             )
-        case "conoid_strain":  # taut only past the onset: soft toe, then straight
+        case "conoid_strain":  # the conoid is taut past the onset only: a soft toe region, then a straight line
             soft = np.logaddexp(0.0, (elevation - onset - 15.0) / 12.0) / np.logaddexp(0.0, (top - onset - 15.0) / 12.0)
             return replace(girdle, conoid_length=girdle.conoid_length + size * float(soft))
-        case "ac_translation":  # slides front-to-back early, rides up late
+        case "ac_translation":  # slides front-to-back early, moves up late
             slide = 0.8 * early(elevation, top) * effect.direction
             up = 0.6 * late(elevation, onset, top) * np.array([0.0, 1.0, 0.0])
             return replace(girdle, ac_shift=size * (slide + up))
@@ -103,29 +103,29 @@ def bend_geometry(girdle: Girdle, effect: Effect, elevation: float, breath: floa
 def bend_frames(
     R_clavicle: Array, R_scapula: Array, frame: Array, effect: Effect, elevation: float, motion: int
 ) -> tuple[Array, Array, Array]:
-    """Clavicle, scapula and thorax frame as the laboratory takes them to be at this elevation."""
+    """Return clavicle, scapula and thorax frame as the laboratory measures them at this elevation."""
     size, onset, top, ratio = effect.size, effect.onset, effect.top, effect.ratio
     match effect.name:
         case "scapula_landmark_bias":
             R_scapula = R_scapula @ turned(size * effect.direction)
-        case "clavicle_axial_estimate":  # too little axial rotation, and ever less of it late in the motion
+        case "clavicle_axial_estimate":  # too little axial rotation, increasingly so late in the motion
             R_clavicle = R_clavicle @ turned(np.array([-size * late(elevation, onset, top), 0.0, 0.0]))
-        case "skin_artefact":  # creeps to 90 deg, runs away above; mostly too little upward rotation
+        case "skin_artefact":  # grows slowly to 90 deg, fast above; mostly too little upward rotation
             creep = 0.3 * min(elevation, 90.0) / 90.0 + 0.7 * late(elevation, 85.0, max(top, 120.0), 1.3)
             R_scapula = R_scapula @ turned(size * creep * effect.direction)
-        case "thorax_extension":  # in abduction the trunk also leans aside
+        case "thorax_extension":  # in abduction the trunk also leans sideways
             axis = np.array([1.0, 0.0, 0.0 if motion else 0.2 + 0.2 * ratio])
             frame = turned(size * ramp(elevation, onset, 1.05 * top) * axis / np.linalg.norm(axis)) @ frame
     return R_clavicle, R_scapula, frame
 
 
 def unit(vector: Array) -> Array:
-    """The vector at length 1."""
+    """Scale a vector to length 1."""
     return vector / np.linalg.norm(vector)
 
 
 def world_direction(name: str, rng: np.random.Generator) -> Array:
-    """The direction that an effect has in this world, before subjects differ."""
+    """Draw the direction of an effect in this world, before subjects differ."""
     lean = rng.normal(size=3)
     match name:
         case "ac_translation":  # front-to-back in the clavicle frame
@@ -134,7 +134,7 @@ def world_direction(name: str, rng: np.random.Generator) -> Array:
             mean = np.array([-0.3, 0.8, 0.5])
         case "thorax_tilt":  # the rib cage leans forward or backward
             mean = np.array([1.0, 0.0, 0.25])
-        case "scapula_landmark_bias":  # any, in the proportions found between AC and AA
+        case "scapula_landmark_bias":  # any direction, in the proportions of the rotation between AC and AA frames
             mean, lean = unit(lean * np.array([11.6, 12.4, 6.1])), 0.0 * lean
         case "skin_artefact":  # upward rotation lost (-z), with some tipping and protraction
             mean = np.array([0.35, -0.25, -1.0])

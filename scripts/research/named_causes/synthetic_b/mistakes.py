@@ -1,4 +1,4 @@
-"""What is outside the list: mistakes of the laboratory, most of which need the whole recording."""
+"""Effects outside the list: mistakes of the laboratory, most of which need the whole recording."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,16 +12,16 @@ OUTSIDE_SIZES = {
     "outside_time_shift": (26.0, 38.0),  # deg of elevation by which the clavicle's recording runs late
     "outside_sensor_slip": (9.0, 15.0),  # deg, the scapula's sensor slips once, somewhere within each recording
     "outside_breathing": (8.0, 13.0),  # mm, postures held at different depths of breath
-    "outside_palpation_blunders": (12.0, 18.0),  # deg, now and then a bone is palpated altogether wrong
-    "outside_magnetic_distortion": (9.0, 14.0),  # deg, field warped by a steel table: turns with the sensor's place
-    "outside_digitiser_gain": (0.30, 0.45),  # worn potentiometers: two angles read too large about their middle
-    "outside_swapped_motion": (1.0, 1.0),  # the clavicle's two recordings were exchanged
-    "outside_outlier_subject": (20.0, 30.0),  # deg, in two subjects of ten the clavicle's sensor works loose
+    "outside_palpation_blunders": (12.0, 18.0),  # deg, some postures have a bone that is palpated altogether wrong
+    "outside_magnetic_distortion": (9.0, 14.0),  # deg, field warped by a steel table: varies with the sensor's place
+    "outside_digitiser_gain": (0.30, 0.45),  # worn potentiometers: two angles deviate too far from their mean
+    "outside_swapped_motion": (1.0, 1.0),  # the clavicle's two recordings are exchanged
+    "outside_outlier_subject": (20.0, 30.0),  # deg, in two subjects of ten the clavicle's sensor is loose
 }
 
 
 def laboratory_mistake(degrees: Array, effect: Effect, elevation: Array, rng: np.random.Generator) -> Array:
-    """The six angles (postures, 6) after a mistake that needs the whole recording; others leave them alone."""
+    """Apply a mistake that needs the whole recording to the six angles (postures, 6); other effects change nothing."""
     out = degrees.copy()
     one, two = np.flatnonzero(MOTION == 0), np.flatnonzero(MOTION == 1)
     match effect.name:

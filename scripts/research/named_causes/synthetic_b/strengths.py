@@ -1,6 +1,7 @@
-"""What an effect does in one posture, in the directions and units that `girdle effects` lists for it.
+"""Strength of an effect in one posture, in the directions and units that `girdle effects` lists for it.
 
-Of the effects that are there in the same form: those that bend a bone or the rib cage here have another.
+Only for effects that have the same form there. The effects that change the size of a bone or the shape of the rib cage
+have another form here.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from scripts.research.named_causes.synthetic_b.effects import Effect, bend_frame
 
 
 def strengths(person: Girdle, effect: Effect, elevation: float, breath: float, motion: int) -> dict[str, float]:
-    """The strength in each direction, mm or deg; empty where the effect has another form."""
+    """Compute the strength in each direction, mm or deg; empty where the effect has another form."""
     bent = bend_geometry(person, effect, elevation, breath)
     clavicle, scapula, frame = bend_frames(np.eye(3), np.eye(3), np.eye(3), effect, elevation, motion)
     match effect.name:
@@ -31,11 +32,11 @@ def strengths(person: Girdle, effect: Effect, elevation: float, breath: float, m
             return _about(bent.tilt)
         case "scapula_landmark_bias":
             return _about(scapula)
-        case "skin_artefact":  # by so much further has the bone turned
+        case "skin_artefact":  # the true bone has turned further by the strength
             return _about(scapula.T)
         case "thorax_extension":
             return _about(frame)
-        case "clavicle_axial_estimate":  # by so much more has the bone turned
+        case "clavicle_axial_estimate":  # the true bone has turned further by the strength
             return {"axial": -_about(clavicle)["about x"]}
     return {}
 
@@ -45,5 +46,5 @@ def _along(directions: Sequence[str], vector: Array) -> dict[str, float]:
 
 
 def _about(R: Array) -> dict[str, float]:
-    """A rotation vector, deg."""
+    """Return the components of a rotation vector, deg."""
     return _along(("about x", "about y", "about z"), Rotation.from_matrix(R).as_rotvec(degrees=True))

@@ -1,7 +1,7 @@
-"""Worlds as files: motions.csv, what the laboratory saw, and truth.json.
+"""Worlds as files: motions.csv, the laboratory's data, and truth.json.
 
-Where a discrepancy is beside the causes, without_causes.csv is what the laboratory would have seen of the same people
-with the same discrepancy and noise, had no cause been at work: the gap of its motions is what no cause explains.
+In worlds with a discrepancy beside the causes, without_causes.csv has the data of the same people, with the same
+discrepancy and noise, without any active cause: the gap of its motions is the gap that no cause explains.
 """
 
 import csv
@@ -39,10 +39,10 @@ LANDMARKS = ["SC", "AC", "TS", "AI"]
 MODELS = ["R2", "R4", "R6", "breteler_dissection"]
 MODELS_FOLDER = Path(__file__).parents[4] / "models" / "sets"
 Condition = Literal["ten", "three", "landmarks", "half", "one", "mixed", "several"]
-COURSE_LENGTH = 40.0  # deg of elevation
+COURSE_LENGTH = 40.0  # correlation length of the discrepancy, deg of elevation
 DISCREPANCY_DEG = 0.7
 SEVERAL = (1, 2, 3, 4)
-WORLDS_OF_SEVERAL = 4  # with so many causes each
+WORLDS_OF_SEVERAL = 4  # worlds for each number of causes in SEVERAL
 PAIRS = [
     ("skin_artefact", "clavicle_length"),
     ("scapulothoracic_gap", "sc_translation"),
@@ -53,7 +53,7 @@ PAIRS = [
 
 @dataclass(frozen=True)
 class Case:
-    """How a world is measured."""
+    """Settings of the measurement of a world."""
 
     model: str
     seed: int
@@ -62,12 +62,12 @@ class Case:
     scale: float = 1.0
     mixed: bool = False
     landmark_noise_mm: float | None = None
-    discrepancy_deg: float = 0.0  # SD of a smooth course of each angle over each motion that nothing explains
+    discrepancy_deg: float = 0.0  # SD of a smooth deviation of each angle over each motion that no cause explains
 
 
 @dataclass(frozen=True)
 class World:
-    """What the subjects of a case have in common."""
+    """Properties that the subjects of a case have in common."""
 
     cadaver: Girdle
     spread: float
@@ -80,20 +80,20 @@ class World:
 
 @dataclass(frozen=True)
 class Mover:
-    """One subject, how it moved and what is true of it."""
+    """One subject, its motion and the truth about it."""
 
     person: Girdle
     effects: list[Effect]
     elevation: Array
     breath: Array
-    true: Array  # six angles a posture, deg
+    true: Array  # six angles per posture, deg
     redraws: int
 
 
 def measure(mover: Mover, rng: np.random.Generator) -> tuple[Array, Array]:
-    """What the laboratory would write without noise: six angles, and SC, AC, TS, AI (postures, 4, 3).
+    """Return the laboratory's noise-free data: six angles, and SC, AC, TS, AI (postures, 4, 3).
 
-    TS and AI are given by the scapula's sensor, so that they ride with the frame that the laboratory believes in.
+    TS and AI come from the scapula's sensor, so that they follow the scapula frame that the laboratory measures.
     """
     true = mover.true
     angles, places = np.empty_like(true), np.empty((len(true), 4, 3))
@@ -112,7 +112,7 @@ def measure(mover: Mover, rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def draw_mover(world: World, number: int, rng: np.random.Generator) -> Mover:
-    """A subject whose bones close at all postures: of some people's they do not, then another is asked."""
+    """Draw a subject whose chain closes in all postures; other subjects are redrawn."""
     names = [name for name in world.typical if name != "outside_outlier_subject" or number in world.outliers]
     for redraws in range(60):
         person = draw_person(world.cadaver, world.spread, rng)
@@ -137,7 +137,7 @@ def draw_mover(world: World, number: int, rng: np.random.Generator) -> Mover:
 
 
 def draw_world(names: list[str], case: Case, rng: np.random.Generator) -> World:
-    """The world of a case, before its subjects."""
+    """Draw the common properties of the subjects of a case."""
     spread, last = rng.uniform(0.8, 1.2), rng.uniform(132.0, 148.0)
     typical, directions = {}, {}
     for name in names:
@@ -152,14 +152,14 @@ def draw_world(names: list[str], case: Case, rng: np.random.Generator) -> World:
 
 
 def write_case(folder: Path, names: list[str], case: Case) -> None:
-    """Make one world and write what was seen and what is true."""
+    """Make one world; write the laboratory's data and the truth."""
     rng = np.random.default_rng([case.seed, zlib.crc32(f"{folder.parent.name}/{folder.name}".encode())])
     world, with_landmarks = draw_world(names, case, rng), case.landmark_noise_mm is not None
     rows, innocent, truths, by_subject = [], [], [], {}
     for number in range(case.subjects):
         subject, mover = f"simulated_{number + 1:02d}", draw_mover(world, number, rng)
         angles, places = measure(mover, rng)
-        # a world without a discrepancy has the random numbers that it always had
+        # without a discrepancy nothing is drawn for it, so that such worlds keep the random numbers of their seed
         courses = smooth_courses(mover.elevation, rng) if case.discrepancy_deg else 0.0
         unexplained = case.discrepancy_deg * courses + case.noise_deg * rng.normal(size=angles.shape)
         places = places + (case.landmark_noise_mm or 0.0) * rng.normal(size=places.shape)
@@ -189,7 +189,7 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
 
 
 def lines_of(subject: str, mover: Mover, values: Array) -> list[list[object]]:
-    """A line a posture, without those of which something is unknown."""
+    """Format one line per posture, leaving out postures with an unknown number."""
     numbers = np.column_stack([mover.elevation, values])
     return [
         [subject, MOTIONS[MOTION[row]], row % 7 + 1, *(f"{value:.4f}" for value in numbers[row])]
@@ -198,20 +198,22 @@ def lines_of(subject: str, mover: Mover, values: Array) -> list[list[object]]:
 
 
 def without_causes(mover: Mover) -> Mover:
-    """The same subject had no cause been at work: the posture nearest to each that the person's own bones can take; NaN
-    where there is none."""
+    """Return the same subject without active causes.
+
+    Each posture becomes the nearest one in which the person's own chain closes; NaN where there is none.
+    """
     closed = [close_chain(posture, posture, mover.person) for posture in mover.true]
     return replace(mover, effects=[], true=np.array([np.full(6, np.nan) if one is None else one for one in closed]))
 
 
 def smooth_courses(elevation: Array, rng: np.random.Generator) -> Array:
-    """Six courses over each motion with SD 1, alike within some COURSE_LENGTH of elevation (postures, 6)."""
+    """Draw six smooth courses over each motion (postures, 6), SD 1, with correlation length COURSE_LENGTH."""
     alike = np.exp(-0.5 * ((elevation[:, None] - elevation) / COURSE_LENGTH) ** 2) * (MOTION[:, None] == MOTION)
     return np.linalg.cholesky(alike + 1e-9 * np.eye(len(elevation))) @ rng.normal(size=(len(elevation), 6))
 
 
 def truth_of(mover: Mover) -> dict[str, object]:
-    """What is behind a subject's postures, for truth.json."""
+    """Collect the truth about a subject, for truth.json."""
     person = mover.person
     return {
         "redraws": mover.redraws,
@@ -227,7 +229,7 @@ def truth_of(mover: Mover) -> dict[str, object]:
 
 
 def by_posture(mover: Mover) -> dict[str, dict[str, list[float]]]:
-    """By effect and direction its strength in every posture; of the effects that tell it."""
+    """Compute the strength in every posture, by effect and direction, of the effects whose form allows it."""
     postures = list(zip(mover.elevation.tolist(), mover.breath.tolist(), MOTION.tolist(), strict=True))
     found = {}
     for effect in mover.effects:
@@ -238,7 +240,7 @@ def by_posture(mover: Mover) -> dict[str, dict[str, list[float]]]:
 
 
 def write_condition(condition: Condition, out: Path, seed: int, noise_deg: float) -> None:
-    """All cases of one condition; parameter sets take turns."""
+    """Write all cases of one condition; the parameter sets alternate."""
     nones = {"ten": 4, "half": 0, "mixed": 0}.get(condition, 3)
     rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
     turn = int(rng.integers(len(MODELS)))

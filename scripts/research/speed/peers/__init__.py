@@ -1,2 +1,2 @@
-"""The same adaptation by solvers that others wrote, for ``scripts/benchmark.py``: one file a peer, whose docstring says
-whether the comparison is fair."""
+"""The same adaptation by other solvers, for ``scripts/benchmark.py``: one file per solver, whose docstring says whether
+the comparison is fair."""

@@ -1,11 +1,10 @@
-"""CasADi's generated C, compiled with -O3 -march=native, its threaded map over the subjects: under IPOPT, and under
-Fatrop.
+"""CasADi's generated C, compiled with -O3 -march=native, with IPOPT and with Fatrop; threaded map over the subjects.
 
-Fair: exact derivatives, sparse; nothing is interpreted. IPOPT factorises with MUMPS, which threads enter one at a time.
-Fatrop is an interior-point method for problems in stages: the postures are its stages, theta is the state that each
-hands on unchanged, so its Riccati recursion eliminates posture after posture as ours does. It relaxes bounds by 1e-8 of
-their size, which lowers E by some 1e-9 of it. CasADi's own SQP does not converge here: with its ``regularize`` in 60
-iterations for no subject, without convexification it was stopped after ten minutes.
+Fair: exact derivatives, sparse; nothing is interpreted. IPOPT factorises with MUMPS, which runs in one thread at a
+time. Fatrop is an interior-point method for problems in stages: the postures are its stages, theta is the state that
+each stage passes on unchanged, so its Riccati recursion eliminates posture after posture as ours does. It relaxes
+bounds by 1e-8 of their size, which lowers E by some 1e-9 of it. CasADi's own SQP does not converge here: with its
+``regularize`` for no subject within 60 iterations; without convexification it was stopped after ten minutes.
 """
 
 import functools
@@ -29,14 +28,14 @@ from scripts.research.speed.peers.cases import Answer, Cases, cases
 from scripts.research.speed.peers.shares import Share, timed_share
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
-"""What is on the machine, if anything is."""
+"""C compiler of this machine, or None."""
 
 _STAGE = 14
-"""Variables of a stage of Fatrop's: theta, six angles, t of TS and AI."""
+"""Variables of one stage of Fatrop: theta, six angles, t of TS and AI."""
 
 
 def run_ipopt(model: str, count: int, total: int) -> Share:
-    """E of the first ``count`` subjects by IPOPT."""
+    """Compute E of the first ``count`` subjects by IPOPT."""
     given = cases(model, count, total)
     postures, points = given.targets_deg[0].shape[1], given.points_mm.shape[1]
     solver = _compiled("ipopt", postures, points)
@@ -52,7 +51,7 @@ def run_ipopt(model: str, count: int, total: int) -> Share:
 
 
 def run_fatrop(model: str, count: int, total: int) -> Share:
-    """E of the first ``count`` subjects by Fatrop."""
+    """Compute E of the first ``count`` subjects by Fatrop."""
     given = cases(model, count, total)
     postures, points = given.targets_deg[0].shape[1], given.points_mm.shape[1]
     solver = _compiled("fatrop", postures, points)
@@ -66,7 +65,7 @@ def run_fatrop(model: str, count: int, total: int) -> Share:
 
 
 def _mapped(solver: Any, calls: list[dict[str, Any]]) -> np.ndarray:
-    """x of each call, by as many threads as there are cores."""
+    """Solve all calls in as many threads as there are cores; return x of each."""
     every = {key: np.column_stack([call[key] for call in calls]) for key in ("x0", "p", "lbx", "ubx")}
     found = solver.map(len(calls), "thread", os.cpu_count() or 1)(**every, lbg=0.0, ubg=0.0)
     return np.array(found["x"]).T
@@ -74,7 +73,7 @@ def _mapped(solver: Any, calls: list[dict[str, Any]]) -> np.ndarray:
 
 @functools.cache
 def _compiled(solver: str, postures: int, points: int) -> Any:
-    """The solver with its functions as machine code: most of a minute."""
+    """Build the solver with its functions compiled to machine code, which takes most of a minute."""
     import casadi as ca
 
     flags = {"compiler": COMPILER, "flags": ["-O3", "-march=native"]}
@@ -87,8 +86,10 @@ def _compiled(solver: str, postures: int, points: int) -> Any:
 
 
 def in_stages(P: int, N: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """``oracles.subject_problem`` with a copy of theta beside every posture, and a last one beside the thorax points;
-    and its stages."""
+    """Build ``oracles.subject_problem`` in stages, with copies of theta for every posture and for the thorax points.
+
+    Returns the problem and the options that describe its stages.
+    """
     import casadi as ca
 
     fixed, points, target = ca.SX.sym("fixed", 21), ca.SX.sym("points", 3, N), ca.SX.sym("target", 6, P)
@@ -124,7 +125,7 @@ def in_stages(P: int, N: int) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def fatrop_call(given: Cases, target: np.ndarray) -> dict[str, Any]:
-    """The arguments of Fatrop for one subject."""
+    """Return the arguments of Fatrop for one subject."""
     P = target.shape[1]
     t = foot_point_multipliers(given.bones, given.points_mm, given.theta_mm, target) / T_SCALE_MM2
     theta = np.broadcast_to(given.theta_mm, (P, 6))

@@ -1,5 +1,5 @@
-"""What every peer is given: simulated subjects, the geometric fit and the measured angles as the start, the bounds; and
-how its answer is judged."""
+"""The input of every solver: simulated subjects, the geometric fit and measured angles as the start, and the bounds;
+and the assessment of its answers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from motions.rhythm_subjects import simulate_subjects
 SEED = 5
 
 CLOSED_MM = 1e-6
-"""The most that a chain may gape in an answer: what ours stop at."""
+"""Largest constraint residual of a valid answer, as in our stopping criterion."""
 
 WITHIN_MM = 1e-5
-"""The most that theta may be out of its bounds: interior-point methods relax them by 1e-8 of their size."""
+"""Largest violation of the bounds of theta: interior-point methods relax them by 1e-8 of their size."""
 
 Answer = tuple[np.ndarray, np.ndarray]
 """theta in mm, and the angles in degrees (6, postures)."""
@@ -26,18 +26,18 @@ Answer = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Cases:
-    """min D + w mean(J_p) over theta and all postures, with closed chains and theta in its bounds, of some subjects."""
+    """For each subject: min D + w mean(J_p) over theta and all postures, with closed chains and bounds on theta."""
 
     bones: Bones
     points_mm: np.ndarray
     bounds_mm: np.ndarray
     theta_mm: np.ndarray
-    """Where theta starts."""
+    """Start of theta."""
     targets_deg: list[np.ndarray]
-    """The measured angles of each subject (6, postures), where its postures start too."""
+    """Measured angles of each subject (6, postures), also the start of its postures."""
 
     def E(self, answers: Sequence[Answer]) -> np.ndarray:
-        """E of each, by the oracles; NaN where a chain gapes or theta is out of its bounds."""
+        """Compute E of each answer by the oracles; NaN where a chain is open or theta is out of its bounds."""
         low, high = self.bounds_mm + np.array([[-WITHIN_MM], [WITHIN_MM]])
         values = []
         for target, (theta, angles) in zip(self.targets_deg, answers, strict=True):
@@ -48,7 +48,7 @@ class Cases:
 
 
 def cases(model: str, count: int, total: int, first: int = 0, step: int = 1) -> Cases:
-    """Every step-th of the first ``count`` of ``total`` simulated subjects, from ``first``."""
+    """Select every step-th of the first ``count`` of ``total`` simulated subjects, from ``first``."""
     chosen = load_model(model)
     girdle = jitted_geometric_fit(chosen.girdle, jnp.asarray(chosen.points_mm))
     points, bounds, theta = (np.asarray(x) for x in (chosen.points_mm, chosen.bounds_mm, girdle.adapted_mm))

@@ -1,12 +1,13 @@
-"""Ceres (pyceres) on nonlinear least squares, DENSE_SCHUR with the postures eliminated first, one process a core.
+"""Ceres (pyceres) on nonlinear least squares, DENSE_SCHUR with the postures eliminated first, one process per core.
 
 The constraints are eliminated: a posture has three free coordinates along the null space of its constraints at the
-start, where the nearest closed posture is; three others close the chain within the cost function. Heavily weighted
-instead, with multipliers updated four times, they gape by 2e-3 mm after 200 iterations. Ceres clips steps at bounds and
-stops above the optimum, so parameters that it leaves at a bound are held there until their slopes change sign.
+start, which is the nearest closed posture; three others close the chain within the cost function. With heavily weighted
+constraints and four updates of the multipliers instead, residuals of 2e-3 mm remain after 200 iterations. Ceres clips
+steps at bounds and stops above the optimum, so parameters that it leaves at a bound are held there until their
+derivatives change sign.
 
 Not fair in two ways. Gauss-Newton leaves out the curvature of the chains, so it takes 60-90 iterations where Newton
-takes 10; that is the method. And cost functions are called in Python: ``Share.library`` is the part of the time in
+takes 10; that is the method. The cost functions are called in Python: ``Share.library`` is the share of the time in
 Ceres itself, the rest is the calls, of which a third is the compiled function.
 """
 
@@ -24,7 +25,7 @@ from scripts.research.speed.peers.shares import Share, on_all_cores, timed_share
 
 _OPEN_MM = 1e-8
 _CLOSINGS = 6
-"""Calls of ``closed`` until an evaluation gives up, which makes Ceres try a shorter step."""
+"""Calls of ``closed`` before an evaluation fails, which makes Ceres try a shorter step."""
 
 _CLOSING_STEPS, _LONGEST_STEP_DEG, _FARTHEST_DEG = 60, 15.0, 60.0
 _FIRST, _LAST = 1e-4, 1e-13
@@ -34,7 +35,7 @@ _ROUNDS = 8
 
 
 def run(model: str, count: int, total: int) -> Share:
-    """E of the first ``count`` subjects."""
+    """Compute E of the first ``count`` subjects."""
     return on_all_cores(_share, model, count, total)
 
 
@@ -52,7 +53,7 @@ def _share(model: str, count: int, total: int, first: int, step: int) -> Share:
 
 @functools.cache
 def _blocks() -> tuple[type, type]:
-    """The two cost functions: their base class is there only with pyceres."""
+    """Define the two cost functions; their base class exists only where pyceres is installed."""
     import pyceres  # pyright: ignore[reportMissingImports]
 
     class Posture(pyceres.CostFunction):
@@ -76,7 +77,7 @@ def _blocks() -> tuple[type, type]:
                 self.buffer.set_res(k, array.data)
 
         def Evaluate(self, parameters, residuals, jacobians) -> bool:
-            """From where the chain was last closed."""
+            """Evaluate residuals and derivatives, starting from where the chain was last closed."""
             u, self.theta[:] = parameters
             self.q[:] = self.good + (u - self.u) @ self.N
             for _ in range(_CLOSINGS):
@@ -108,7 +109,7 @@ def _blocks() -> tuple[type, type]:
             self.buffer.set_res(1, self.slopes.data)
 
         def Evaluate(self, parameters, residuals, jacobians) -> bool:
-            """Every point at once."""
+            """Evaluate residuals and derivatives of all points."""
             self.theta[:] = parameters[0]
             self.call()
             np.multiply(self.d, self.scale, out=residuals)
@@ -125,7 +126,7 @@ def _fill(jacobians, values, scale: float) -> None:
 
 
 def _nearest_closed(chain, target, theta) -> tuple[np.ndarray, np.ndarray]:
-    """The posture that Gauss-Newton steps of least length reach from the measured angles, and G there."""
+    """Find the closed posture by minimum-norm Gauss-Newton steps from the measured angles; return it and G there."""
     q, Gt = target.copy(), np.zeros((6, 3))
     for _ in range(_CLOSING_STEPS):
         g, Gt, _ = (np.array(x) for x in chain(q, theta))
@@ -179,7 +180,7 @@ def _options(pyceres) -> Any:
 
 
 def _slope(postures, free, points, theta) -> np.ndarray:
-    """dE/dtheta / 2, and every posture at its last point."""
+    """Return dE/dtheta / 2, and move every posture to its last point."""
     slope, residuals, slopes = np.zeros(6), np.zeros(6), np.zeros(36)
     for posture, u in zip(postures, free, strict=True):
         posture.Evaluate([u, theta], residuals, [None, slopes])

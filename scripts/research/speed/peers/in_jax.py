@@ -1,5 +1,5 @@
 """The whole-subject problem of one subject as functions of x = (angles of the postures in degrees, theta in mm), traced
-by JAX: our girdle, derivatives by JAX."""
+by JAX: our girdle, with derivatives by JAX."""
 
 import jax
 import jax.numpy as jnp
@@ -21,19 +21,19 @@ class InJax:
         self.girdle = jitted_geometric_fit(chosen.girdle, self.points_mm)
 
     def D(self, theta):
-        """The mean squared distance of the thorax points."""
+        """Compute the mean squared distance of the thorax points."""
         adapted = self.girdle.with_adapted(theta)
         distance = signed_distance_mm(self.points_mm, adapted.centre_mm[:, None], adapted.semi_axes_mm[:, None])
         return jnp.mean(distance**2)
 
     def chain(self, angles_deg, theta):
-        """A1-A3 of one posture, mm."""
+        """Compute A1-A3 of one posture, mm."""
         return constraint_residuals_mm(self.girdle.with_adapted(theta), angles_deg / DEG)
 
     def E(self, x, target):
-        """E against the measured angles, both one after another."""
+        """Compute E relative to the measured angles ``target``, one posture after another, as in x."""
         return self.D(x[-6:]) + WEIGHT * jnp.mean((x[:-6] - target) ** 2)
 
     def chains(self, x):
-        """A1-A3 of every posture."""
+        """Compute A1-A3 of every posture."""
         return jax.vmap(self.chain, (0, None))(x[:-6].reshape(-1, 6), x[-6:]).reshape(-1)

@@ -1,7 +1,7 @@
-"""CasADi and IPOPT on the whole-subject problem, one process a core.
+"""CasADi and IPOPT on the whole-subject problem, one process per core.
 
-Fair: exact first and second derivatives, the closest points as variables, which keeps everything sparse, the function
-built once and warm. CasADi's virtual machine evaluates it, as by default; ``casadi_compiled`` beside this compiles it.
+Fair: exact first and second derivatives; the closest points are variables, which keeps everything sparse; the function
+is built once and warm. CasADi's virtual machine evaluates it, as by default; ``casadi_compiled`` compiles it.
 """
 
 import time
@@ -14,7 +14,7 @@ from scripts.research.speed.peers.shares import Share, on_all_cores
 
 
 def run(model: str, count: int, total: int) -> Share:
-    """E of the first ``count`` subjects."""
+    """Compute E of the first ``count`` subjects."""
     return on_all_cores(_share, model, count, total)
 
 

@@ -1,5 +1,5 @@
-"""SciPy's L-BFGS-B through jaxopt on E of theta, with every posture fitted anew: compiled, one subject after another.
-Only first derivatives, and a posture fit in each of its steps: what a general optimiser makes of it."""
+"""SciPy's L-BFGS-B through jaxopt on E(theta), with every posture fitted anew in each step: compiled, subject by
+subject. First derivatives only: the approach of a general optimiser to the problem."""
 
 import warnings
 
@@ -16,7 +16,7 @@ from scripts.research.speed.peers.cases import SEED
 
 
 def seconds_a_subject(model: str, subjects: int) -> float:
-    """From the geometric fit."""
+    """Measure the seconds per subject, starting from the geometric fit."""
     warnings.simplefilter("ignore", DeprecationWarning)
     import jaxopt
 

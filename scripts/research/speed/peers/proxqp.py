@@ -1,10 +1,10 @@
-"""ProxQP (proxsuite, dense) on the quadratic subproblems of an SQP, one process a core, each subject's QP warm-started.
+"""ProxQP (proxsuite, dense) on the quadratic subproblems of an SQP, warm-started per subject, one process per core.
 
-Fair in what ProxQP does: a dense QP of 90 variables, 42 equalities and 6 bounds in each iteration, from exact
-derivatives by JAX, all subjects at once and block by block. It is not told that theta alone couples the postures: it
-has no such interface, and eliminating them first would be our method with another solver for six variables. The SQP
-around it is ours, in NumPy: ``Share.library`` is the part of the time in ProxQP. Its batch in threads (``BatchQP``)
-speeds up this part alone, so each core has a process.
+Fair in the part of ProxQP: a dense QP of 90 variables, 42 equalities and 6 bounds in each iteration, from exact
+derivatives by JAX, all subjects at once and block by block. ProxQP cannot use the fact that theta alone couples the
+postures: it has no such interface, and eliminating the postures first would be our method with another solver for six
+variables. The SQP around it is ours, in NumPy: ``Share.library`` is the share of the time in ProxQP. Its threaded batch
+(``BatchQP``) speeds up this part alone, so each core has a process instead.
 """
 
 import time
@@ -27,7 +27,7 @@ _SUFFICIENT, _HALVINGS = 1e-4, 12
 
 
 def run(model: str, count: int, total: int) -> Share:
-    """E of the first ``count`` subjects."""
+    """Compute E of the first ``count`` subjects."""
     return on_all_cores(_share, model, count, total)
 
 
@@ -49,7 +49,7 @@ class _Quadratic(NamedTuple):
 
 
 class _Sqp:
-    """min E with closed chains, of all subjects of a process."""
+    """SQP that minimises E with closed chains, for all subjects of a process."""
 
     def __init__(self, problem: InJax, given: Cases):
         self.given = given
@@ -77,7 +77,7 @@ class _Sqp:
         )
 
     def solve(self) -> list[Answer]:
-        """From the geometric fit and the measured angles."""
+        """Solve from the geometric fit and the measured angles."""
         count, P, _ = self.target.shape
         angles, theta = self.target.copy(), np.tile(self.given.theta_mm, (count, 1))
         multipliers, penalty = np.zeros((count, P, 3)), np.zeros(count)
@@ -103,7 +103,7 @@ class _Sqp:
         return [(t, q.T) for t, q in zip(theta, angles, strict=True)]
 
     def quadratic(self, angles, theta, multipliers) -> _Quadratic:
-        """The blocks of the postures put into dense matrices."""
+        """Assemble the blocks of the postures into dense matrices."""
         count, P, _ = angles.shape
         n = 6 * P + 6
         g, slope, curvature = map(np.asarray, self.postures(angles, theta, multipliers))
@@ -123,7 +123,7 @@ class _Sqp:
         return _Quadratic(E, gradient, np.array([_definite(own) for own in H]), g.reshape(count, -1), G)
 
     def line_search(self, angles, theta, step, at: _Quadratic, penalty) -> np.ndarray:
-        """Halves each step until E + penalty |g|_1 falls enough."""
+        """Halve each step until E + penalty |g|_1 decreases enough."""
         open_mm = penalty * np.abs(at.g).sum(axis=1)
         merit, slope = at.E + open_mm, (at.gradient * step).sum(axis=1) - open_mm
         length = np.ones(len(angles))
@@ -141,7 +141,7 @@ class _Sqp:
 
 
 def _definite(H: np.ndarray) -> np.ndarray:
-    """H, with as much of I added as Cholesky's factorisation needs."""
+    """Add as much of I to H as its Cholesky factorisation needs."""
     shift = 0.0
     while True:
         try:
@@ -153,7 +153,7 @@ def _definite(H: np.ndarray) -> np.ndarray:
 
 
 class _Qp:
-    """ProxQP of one subject, which begins where it last ended."""
+    """ProxQP of one subject, warm-started from its last solution."""
 
     def __init__(self, variables: int, equalities: int):
         import proxsuite  # pyright: ignore[reportMissingImports]
@@ -165,7 +165,7 @@ class _Qp:
         self.fresh = True
 
     def solved(self, H, gradient, G, g, low, high) -> tuple[np.ndarray, np.ndarray]:
-        """dx, and the multipliers of the constraints."""
+        """Return dx, and the multipliers of the constraints."""
         give = self.qp.init if self.fresh else self.qp.update
         give(H, gradient + _CURVATURE * G.T @ g, G, -g, self.theta, low, high)
         self.fresh = False

@@ -1,10 +1,10 @@
-"""septal, an SQP in JAX: compiled with its loop that ends on convergence, subject after subject, one process a core.
+"""septal, an SQP in JAX: compiled with its loop that ends on convergence, subject after subject, one process per core.
 
-Fair in the problem: exact derivatives by JAX, the closest points eliminated. Unfair in the method: its QP are dense and
-solved by a fixed number of ADMM iterations. Its form for ``vmap`` has a fixed number of outer iterations too and runs
-both branches of every condition: it is meant for accelerators. septal shifts an indefinite Hessian by a multiple of I;
-the term s/2 |g|^2, 0 at every closed chain, makes that rare and brings it from 60 iterations without convergence to
-15-30. Its corrections of second order, four more QP an iteration, change nothing here and are off.
+Fair in the problem: exact derivatives by JAX, the closest points eliminated. Unfair in the method: its QPs are dense
+and solved by a fixed number of ADMM iterations. Its form for ``vmap`` also has a fixed number of outer iterations and
+runs both branches of every condition: it is meant for accelerators. septal shifts an indefinite Hessian by a multiple
+of I; the term s/2 |g|^2, 0 at every closed chain, makes that rare and reduces 60 iterations without convergence to
+15-30. Its second-order corrections, four more QPs per iteration, change nothing here and are off.
 """
 
 import jax
@@ -30,7 +30,7 @@ _SETTINGS = {
 
 
 def run(model: str, count: int, total: int) -> Share:
-    """E of the first ``count`` subjects."""
+    """Compute E of the first ``count`` subjects."""
     return on_all_cores(_share, model, count, total)
 
 

@@ -1,4 +1,4 @@
-"""The work of a peer on all cores: one process a core, each with its share of the subjects."""
+"""Distribution of a solver's work over all cores: one process per core, each with its share of the subjects."""
 
 import multiprocessing
 import os
@@ -12,21 +12,21 @@ from scripts.research.speed.peers.cases import Answer, Cases
 
 
 class Share(NamedTuple):
-    """What a process, or all of them, took, and the value of each subject or posture in order (NaN: failed)."""
+    """Times of one process or of all, and the value of each subject or posture in order (NaN: failed)."""
 
     wall_s: float
     cpu_s: float
     values: np.ndarray
     library: float = 1.0
-    """The part of the time in the peer's own library, where the rest is Python of ours that calls it."""
+    """Share of the time in the solver's own library; the rest is our Python code that calls it."""
 
 
 def timed_share(
     given: Cases, solve: Callable[[], Sequence[Answer]], library_s: Callable[[], float] | None = None
 ) -> Share:
-    """Solves once unmeasured, to be warm, and once measured; E of the answers is computed afterwards.
+    """Solve once to warm up and once with timing; compute E of the answers afterwards.
 
-    ``library_s`` counts the seconds in the peer's library."""
+    ``library_s`` counts the seconds in the solver's library."""
     solve()
     before = library_s() if library_s else 0.0
     wall, cpu = time.perf_counter(), time.process_time()
@@ -36,12 +36,12 @@ def timed_share(
 
 
 def on_all_cores(share: Callable[[str, int, int, int, int], Share], model: str, count: int, total: int) -> Share:
-    """The slowest process's seconds, the CPU seconds of all and the values of the first ``count`` of ``total``."""
+    """Return the slowest process's seconds, the CPU seconds of all and the values of the first ``count`` subjects."""
     cores = min(os.cpu_count() or 1, count)
     with multiprocessing.get_context("spawn").Pool(cores) as pool:
         parts = pool.starmap(share, [(model, count, total, first, cores) for first in range(cores)])
         pool.close()
-        pool.join()  # to be terminated makes Ceres print a page
+        pool.join()  # Ceres would print a page of messages if it were terminated
     values = np.empty(count)
     for first, part in enumerate(parts):
         values[first::cores] = part.values

@@ -1,6 +1,6 @@
-"""SciPy's SLSQP on the fit of one posture, with analytic derivatives, one process a core.
+"""SciPy's SLSQP on the fit of one posture, with analytic derivatives, one process per core.
 
-Fair in what it solves, not in its language: the function is NumPy's, called from Fortran for each iteration.
+Fair in the problem, not in the language: Fortran calls a NumPy function in each iteration.
 """
 
 import time
@@ -15,7 +15,7 @@ from scripts.research.speed.peers.shares import Share, on_all_cores
 
 
 def run(model: str, postures: int, total: int) -> Share:
-    """J of the first ``postures`` of ``total`` subjects."""
+    """Compute J of the first ``postures`` postures of ``total`` subjects."""
     return on_all_cores(_share, model, postures, total)
 
 

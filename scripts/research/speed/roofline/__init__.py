@@ -1,1 +1,1 @@
-"""Where the time of the machine code goes: what this machine reaches at best, and what an iteration consists of."""
+"""Where does the time of the machine code go? Peak performance of this machine, and the operations of an iteration."""

@@ -1,4 +1,4 @@
-"""What one iteration of the subject sweep consists of, counted in LLVM's text and in the assembly made of it."""
+"""Counts of the operations in one iteration of the subject sweep, from LLVM's text and from its assembly."""
 
 import math
 import re
@@ -10,7 +10,7 @@ import llvmlite.binding as llvm
 from adapt.solvers.newton.subjects import subjects_kernel
 
 _LABEL = re.compile(r"^\s*([a-z.0-9]+?)v\d+(\.in|\.out|):$")
-"""Of a loop: where it asks whether to go on, what it repeats, and what follows."""
+"""Label of a loop: its condition, its body (.in), and what follows it (.out)."""
 
 _MARK = re.compile(r"MARK (\S+)")
 _KINDS = (
@@ -22,7 +22,7 @@ _KINDS = (
     ("other on registers (compare, select, maximum)", re.compile(r"[vk]")),
     ("address, counter, jump", re.compile(r"")),
 )
-"""By the beginning of their names; the first that fits."""
+"""Kinds of instructions by the beginning of their names; the first match counts."""
 
 
 _NAME = re.compile(r"%[\w.]+")
@@ -38,26 +38,26 @@ _LATENCY = {
     "load <8 x double>": 7.0,
     "": 0.0,
 }
-"""Cycles until the value of an instruction on eight numbers is there, by the word in it: about those of Intel's cores
-with AVX-512 (Fog, Instruction tables, Ice Lake); addresses and counters wait for nothing."""
+"""Latency in cycles of instructions on eight numbers, by a word in the instruction: approximately as on Intel's cores
+with AVX-512 (Fog, Instruction tables, Ice Lake). Addresses and counters have no latency."""
 
 
 def times_an_iteration(path: tuple[str, ...], postures: int, points: int) -> int:
-    """How often the loops of this path run in one iteration; 0 outside the iterations."""
+    """Compute how often the innermost of these nested loops runs in one iteration; 0 outside the iterations."""
     if path[:2] != ("block", "while"):
         return 0
-    lengths = {"posture": postures, "point": points, "while": 1}  # a second factor of a posture is seldom needed
+    lengths = {"posture": postures, "point": points, "while": 1}  # a second factorisation of a posture is rarely needed
     return math.prod(lengths[word] if word in lengths else int(word.split(".")[1]) for word in path[2:])
 
 
 def operations_of_iteration(postures: int, points: int) -> int:
-    """Additions, multiplications, divisions and roots of one iteration of one subject, counted in its machine code."""
+    """Count additions, multiplications, divisions and roots of one iteration of one subject in its machine code."""
     counts = subjects_kernel.build().count_operations()
     return sum(count * times_an_iteration(path, postures, points) for path, count in counts.items())
 
 
 def text_memory(postures: int, points: int) -> Counter[str]:
-    """Registers that a block's iteration loads and stores by LLVM's text."""
+    """Count the registers that a block's iteration loads and stores according to LLVM's text."""
     total: Counter[str] = Counter()
     for path, line in _with_paths():
         if " = load <8 x double>" in line or line.lstrip().startswith("store <8 x double>"):
@@ -66,7 +66,7 @@ def text_memory(postures: int, points: int) -> Counter[str]:
 
 
 def machine_counts(postures: int, points: int) -> Counter[str]:
-    """Instructions of a block's iteration by kind, and how many load or store a register, by themselves or within."""
+    """Count the instructions of a block's iteration by kind, and the loads and stores of registers, also operands."""
     total: Counter[str] = Counter()
     times = 0
     for line in _assembly().splitlines():
@@ -81,14 +81,15 @@ def machine_counts(postures: int, points: int) -> Counter[str]:
 
 
 def _memory(name: str, operands: str) -> str | None:
-    """Whether the instruction loads or stores a register of eight numbers; AT&T's operands have the result last."""
+    """Return "load" or "store" for an access to memory with a register of eight numbers; AT&T: the last operand is the
+    result."""
     if "(" not in operands or "zmm" not in operands or "{1to8}" in operands or not name.startswith("v"):
         return None
     return "store" if operands.rstrip().endswith(")") else "load"
 
 
 def _with_paths() -> Iterator[tuple[tuple[str, ...], str]]:
-    """The lines of the text with the loops that they are in; the question whether to go on is in its loop."""
+    """Yield the lines of the text with their enclosing loops; the condition of a loop belongs to the loop."""
     path: tuple[str, ...] = ()
     for line in subjects_kernel.build().text().splitlines():
         label = _LABEL.match(line)
@@ -103,7 +104,7 @@ def _with_paths() -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def _assembly() -> str:
-    """The kernel's, with a comment at the start of each piece that names the loops around it."""
+    """Compile the kernel to assembly, with a comment at the start of each block that names the loops around it."""
     lines = []
     for path, line in _with_paths():
         lines.append(line)
@@ -115,13 +116,15 @@ def _assembly() -> str:
     features = llvm.get_host_cpu_features().flatten()
     machine = llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True
-    )  # as in adapt/engine/machine_code.py
+    )  # the same options as in adapt/engine/machine_code.py
     return machine.emit_assembly(llvm.parse_assembly("\n".join(lines)))
 
 
 def longest_chain_cycles(postures: int, points: int) -> float:
-    """Cycles of an iteration of a block if each piece of the text took as long as its longest chain of values that need
-    each other, and pieces came one after another. A product that becomes part of a multiply-add counts by itself."""
+    """Compute the cycles of a block's iteration if each piece of the text took as long as its longest dependency chain.
+
+    The pieces follow one another. A product that becomes part of a multiply-add counts separately.
+    """
     ready: dict[str, float] = {}
     total, piece, deepest, times = 0.0, (), 0.0, 0
     for path, line in _with_paths():

@@ -1,4 +1,4 @@
-"""What this machine reaches at best, by the compiler and the threads of the fits: multiply-adds, divisions and square
+"""Peak performance of this machine with the compiler and the threads of the fits: multiply-adds, divisions and square
 roots of registers, and bytes from each level of memory."""
 
 import os
@@ -15,18 +15,18 @@ from adapt.engine.simd_values import REGISTER_BYTES
 from motions.arrays import repeat, xp
 
 _CHAINS, _LINKS, _ROUNDS = 12, 32, 1000
-"""Independent operations, enough to hide that each takes four cycles; those between two looks at memory; and how
-often."""
+"""Independent operations, enough to hide the latency of four cycles; operations between two accesses to memory; and
+their repetitions."""
 
 _CACHE_ROWS, _CACHE_ROUNDS = 96, 400
-"""Registers read at a place of an axis, and how often all places are."""
+"""Registers read at each place of an axis, and repetitions over all places."""
 
 _STREAM_PLACES = 512
-"""Of an axis that is read once: enough that giving a thread its turn takes nothing beside it."""
+"""Places of an axis that is read once: so many that switching threads takes negligible time."""
 
 
 def _chains(link):
-    """Nothing but one operation on registers."""
+    """Make a kernel text that repeats one operation on registers."""
 
     def text(x: Any) -> list[Any]:
         def longer(values: list[Any]) -> list[Any]:
@@ -40,13 +40,13 @@ def _chains(link):
 
 
 def _sum(row: list[Any]) -> Any:
-    """By halves: no addition waits for the one before."""
+    """Sum by halves, so that no addition waits for the one before."""
     half = len(row) // 2
     return row[0] if half == 0 else _sum(row[:half]) + _sum(row[half:])
 
 
 def _read_again(x: Any) -> Any:
-    """The sum of rows that are kept beside each other, many times."""
+    """Sum rows that are stored contiguously, many times."""
     first, _, kept = along(x).reduced(lambda one: (one, (), [one + float(k) for k in range(_CACHE_ROWS)]), x)
 
     def again(total):
@@ -56,7 +56,7 @@ def _read_again(x: Any) -> Any:
 
 
 def _kernel(name: str, text: Callable[..., Any], inputs: tuple[str, ...], outputs: str) -> Kernel:
-    """Named by its text too: object code is kept between runs by the name and the sources of the package alone."""
+    """Make a kernel whose name depends on its text: cached object code is found by name and package sources alone."""
     written = Kernel(name, text, inputs, outputs, 64).build().text()
     return Kernel(f"{name}{zlib.crc32(written.encode())}", text, inputs, outputs, 64)
 
@@ -69,14 +69,14 @@ STREAM = _kernel("stream", lambda x: along(x).reduced(lambda one: (one, (), ()),
 
 
 def core_seconds(run: Callable[[], object]) -> float:
-    """CPU seconds of all threads divided by the cores: the time that it takes if nothing else runs."""
+    """Return the CPU seconds of all threads divided by the number of cores: the wall time of an idle machine."""
     start = time.process_time()
     run()
     return (time.process_time() - start) / _cores()
 
 
 def _ns_an_operation(kernel: Kernel) -> float:
-    """Nanoseconds that a core takes for an operation on a register of eight numbers."""
+    """Measure the nanoseconds of a core per operation on a register of eight numbers."""
     x = np.ones(64 * 8 * _cores())
     kernel.native(x)
     registers = len(x) / 8 / _cores() * _CHAINS * _LINKS * _ROUNDS
@@ -84,22 +84,22 @@ def _ns_an_operation(kernel: Kernel) -> float:
 
 
 def peak_gflops() -> float:
-    """Of all cores."""
+    """Measure the multiply-add rate of all cores, in GFLOP/s."""
     return 2.0 * 8 * _cores() / _ns_an_operation(PEAK)
 
 
 def division_ns() -> float:
-    """Of a register, by a core."""
+    """Measure the division of a register by a core, ns."""
     return _ns_an_operation(DIVISIONS)
 
 
 def root_ns() -> float:
-    """Of a register, by a core."""
+    """Measure the square root of a register by a core, ns."""
     return _ns_an_operation(ROOTS)
 
 
 def cache_gb_s(kib: int) -> float:
-    """Read by all cores, each from so many KiB of its own."""
+    """Measure the read rate of all cores, each from so many KiB of its own, GB/s."""
     places = kib * 1024 // (REGISTER_BYTES * _CACHE_ROWS)
     blocks = 16 * _cores()
     x = np.ones((places, 8 * blocks))
@@ -109,7 +109,7 @@ def cache_gb_s(kib: int) -> float:
 
 
 def memory_gb_s() -> float:
-    """Read by all cores from an array of half a GiB, which lies as the kernels' arrays do."""
+    """Measure the read rate of all cores from an array of half a GiB in the layout of the kernels' arrays, GB/s."""
     x = np.ones((_STREAM_PLACES, 2**26 // _STREAM_PLACES))
     STREAM.native(x)
     return x.nbytes / core_seconds(lambda: STREAM.native(x)) / 1e9
