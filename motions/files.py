@@ -5,7 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -136,14 +136,13 @@ def is_part(path: Path) -> bool:
     return re.fullmatch(r"\.[0-9a-f]{32}\.part", path.name) is not None
 
 
-def file_names(names: Sequence[str]) -> list[str]:
-    """Make a file name for each name, all different on every file system; a plain name stays as it is.
+def file_names(names: Iterable[str]) -> Iterator[str]:
+    """Yield a file name for each name, all different on every file system; a plain name stays as it is.
 
     Characters other than letters, digits and ``_-.~+`` or blank are written as %XX. Names are cut to ``_LONGEST_NAME``
     characters; names that are then equal, apart from case, are numbered.
     """
     taken: set[str] = set()
-    result = []
     for name in names:
         plain = quote(name, safe=" +")[:_LONGEST_NAME].rstrip(" .") or "_"
         plain = f"%2E{plain[1:]}" if plain.startswith(".") else plain  # neither hidden nor the parent folder
@@ -151,8 +150,7 @@ def file_names(names: Sequence[str]) -> list[str]:
         while unique.casefold() in taken:
             unique, number = f"{plain}~{number}", number + 1
         taken.add(unique.casefold())
-        result.append(unique)
-    return result
+        yield unique
 
 
 def _remove(part: Path) -> None:

@@ -82,7 +82,7 @@ def _unlisted(folder: Path) -> list[str]:
 
 def _unlisted_models(folder: Path) -> list[str]:
     rows = pd.read_csv(folder / "parameters.csv", usecols=["model", "subject"], dtype=str)
-    return [f"models/{name}.toml" for name in file_names((rows["model"] + "_" + rows["subject"]).tolist())]
+    return [f"models/{name}.toml" for name in file_names(rows["model"] + "_" + rows["subject"])]
 
 
 def listed(folder: Path, names: Iterable[str]) -> list[bytes]:

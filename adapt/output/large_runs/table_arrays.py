@@ -35,4 +35,6 @@ def as_table(parts: Callable[[], Iterable[Rows]]) -> pd.DataFrame:
             break
     else:
         return pd.DataFrame(columns=list(columns))
-    return pd.DataFrame({one: np.concatenate([rows[one] for rows in parts() if len(rows)]) for one in columns})
+    # copies: a view of one column would hold all columns of its part
+    found = {one: np.concatenate([rows[one].copy() for rows in parts() if len(rows)]) for one in columns}
+    return pd.DataFrame(found, copy=False)  # no second table in one block
