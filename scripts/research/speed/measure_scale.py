@@ -32,6 +32,9 @@ from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 BLOCK = 1000
 """Subjects simulated at a time, each block from its own seed."""
 
+NO_PROFILE = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
+"""Setting of Dask's workers in docs/large_runs.md: their profile grows with the run."""
+
 app = typer.Typer(add_completion=False)
 
 
@@ -66,7 +69,8 @@ def cluster(workers: int, folder: Path) -> Iterator[tuple[str, list[int]]]:
     with ExitStack() as stack:
         processes = []
         for command in commands:
-            one = stack.enter_context(subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL))
+            how = {"cwd": folder, "env": os.environ | NO_PROFILE, "stderr": subprocess.DEVNULL}
+            one = stack.enter_context(subprocess.Popen(command, **how))
             stack.callback(one.terminate)
             processes.append(one.pid)
         while not file.exists():
