@@ -46,17 +46,15 @@ def never_seen(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str,
     - exactly one place while IJ and all landmarks that move with this one go by ``MOVED_MM``. In the thorax frame the
       thorax stands still and does not count.
     """
-    thorax = [lab_mm[name] for name in _OF_THORAX if name in lab_mm]
     in_thorax_frame = ORIGIN in lab_mm and not lab_mm[ORIGIN].any()
-    if ORIGIN not in lab_mm or (in_thorax_frame and any(_goes_mm(place) > _STILL_MM for place in thorax)):
-        return {name: _unseen(name, place) for name, place in lab_mm.items()}
+    exchanged = any(_goes_mm(lab_mm[name]) > _STILL_MM for name in _OF_THORAX if name in lab_mm)
     found = {}
     for name, place in lab_mm.items():
         groups = [group for group in COMPANIONS if name in group]
         others = {other for group in (*groups, (ORIGIN,)) for other in group if other != name}
         if in_thorax_frame:
-            others = set() if name in _OF_THORAX else others.difference(_OF_THORAX)
-        moving = [lab_mm[other] for other in sorted(others) if other in lab_mm]
+            others = set() if exchanged or name in _OF_THORAX else others.difference(_OF_THORAX)
+        moving = [lab_mm[other] for other in sorted(others) if other in lab_mm] if ORIGIN in lab_mm else []
         found[name] = _unseen(name, place) | _held(place, moving)
     return found
 
