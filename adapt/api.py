@@ -120,7 +120,7 @@ def adapt_subjects(
     motions: Motions,
     models: AnyModel | Sequence[AnyModel],
     weight: float = WEIGHT,
-    reading: str = DEFAULT_OBJECTIVE,
+    objective: str = DEFAULT_OBJECTIVE,
     progress: Progress = lambda _: None,
     held_out: Collection[str] | None = None,
     dtype: DTypeLike = np.float64,
@@ -133,7 +133,7 @@ def adapt_subjects(
 
     A model is a parameter set, or a collection with a set for each subject (``models.person.family.PersonalSets``).
 
-    ``weight`` is w of Eq. 6.5 and ``reading`` the objective variant, a name of ``adapt.solvers.objective.OBJECTIVES``.
+    ``weight`` is w of Eq. 6.5, ``objective`` the objective variant, a name of ``adapt.solvers.objective.OBJECTIVES``.
     Subjects are independent: a subject that fails has its own status and leaves the other subjects unchanged. The
     subjects in ``held_out`` are adapted again without each of their motions or, with a single motion, without each
     third of their postures (``adapt.evaluation.held_out``). By default ``held_out`` contains all subjects or, of more
@@ -171,9 +171,9 @@ def adapt_subjects(
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
     if own_bones is not False:
-        check_own_bones(effects, reading, thorax_downweighting)
+        check_own_bones(effects, objective, thorax_downweighting)
     people = _people(own_bones, rows, models, held_out=bool(parts))
-    found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype, people)
+    found = adapt_with_folds(rows, models, parts, weight, objective, progress, dtype, people)
     progress("uncertainty")
     uncertain = uncertainty(as_type(found.data, float), found.adapted)
     if found.own_bones is not None:
@@ -241,10 +241,10 @@ def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel 
     return pd.concat(tables, ignore_index=True)
 
 
-def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: float) -> None:
+def check_own_bones(effects: Amplitudes, objective: str, thorax_downweighting: float) -> None:
     """Raise an InputError for options that have no part in the objective of own bones."""
     cause = ""
-    if reading != DEFAULT_OBJECTIVE or thorax_downweighting != 1.0:
+    if objective != DEFAULT_OBJECTIVE or thorax_downweighting != 1.0:
         cause = "the objective of own bones has no D: no variant of E and no down-weighting changes it"
     elif any(isinstance(one, PersonalSize) for one in effects.values()):
         cause = "sizes of effects of each person's own are not fitted beside them"

@@ -23,7 +23,7 @@ def batch(
     model: options.Models = [],  # noqa: B006 (typer reads it, never changes it)
     models_of: options.ModelsOf = [],  # noqa: B006
     weight: options.Weight = WEIGHT,
-    reading: options.Objective = DEFAULT_OBJECTIVE,
+    objective: options.Objective = DEFAULT_OBJECTIVE,
     float32: options.Float32 = False,
     effect: options.KnownEffects = [],  # noqa: B006
 ) -> None:
@@ -38,7 +38,7 @@ def batch(
     unreachable = [path for path in found if not path.is_file()]
     for path in unreachable:
         print(f"left out: {path}: there is no file behind this name. Remove it.", file=sys.stderr)
-    adapt(files, out, model, models_of, weight, reading, float32=float32, effect=effect)
+    adapt(files, out, model, models_of, weight, objective, float32=float32, effect=effect)
     if unreachable:
         raise typer.Exit(EXIT_SOME_NOT_HANDLED)
 

@@ -85,7 +85,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         return read_any(path, Mapping(unit="mm"), labels)
 
     def record(path: Path) -> object:
-        return recorded_arguments(read_record(path), path, "adapt", {"weight", "reading"})
+        return recorded_arguments(read_record(path), path, "adapt", {"weight", "objective"})
 
     return {
         "motion CSV": Kind(".csv", read_motions, valid.motion_csv()),

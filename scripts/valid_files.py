@@ -141,7 +141,7 @@ def c3d(folder: Path) -> bytes:
 
 
 def run_json(folder: Path) -> bytes:
-    write_run(folder, "adapt", inputs_record([DATA_FILE], ["R2"]), {"weight": 10.0, "reading": "mm2_deg2"})
+    write_run(folder, "adapt", inputs_record([DATA_FILE], ["R2"]), {"weight": 10.0, "objective": "mm2_deg2"})
     return (folder / "run.json").read_bytes()
 
 

@@ -102,10 +102,10 @@ class CauseAmplitude:
     directions together; a constant cause counts in full."""
 
     effect: str
-    """Name of the effect, including its course."""
+    """Name of the effect, including its basis."""
     what: str
     """Description of the change by the cause, one line."""
-    course: str
+    basis: str
     """Basis of the strength: 'elevation of the arm', 'posture of the bones'; empty for a constant."""
     unit: str
     size: Interval

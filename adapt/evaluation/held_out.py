@@ -90,7 +90,7 @@ def adapt_with_folds(
     models: Sequence[AnyModel],
     folds: Sequence[Fold],
     weight: float = WEIGHT,
-    reading: str = DEFAULT_OBJECTIVE,
+    objective: str = DEFAULT_OBJECTIVE,
     progress: Callable[[str], None] = lambda _: None,
     dtype: DTypeLike = np.float64,
     people: People | None = None,
@@ -105,10 +105,10 @@ def adapt_with_folds(
     if people is not None:
         return _with_own_bones(data, rows, models, folds, weight, progress, people, effects)
     data = as_type(data, dtype)
-    adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
+    adapted = adapt_batch(data, weight, objective, lambda stage: progress(f"adaptation, {stage}"))
     found = nothing_held_out(data, adapted)
     if folds:
-        found = held_out(data, rows, folds, weight, reading, progress)
+        found = held_out(data, rows, folds, weight, objective, progress)
     return AdaptedSubjects(rows, data.with_sizes(adapted.sizes), adapted, found)
 
 
@@ -196,7 +196,7 @@ def held_out(
     rows: PostureRows,
     folds: Sequence[Fold],
     weight: float = WEIGHT,
-    reading: str = DEFAULT_OBJECTIVE,
+    objective: str = DEFAULT_OBJECTIVE,
     progress: Callable[[str], None] = lambda _: None,
 ) -> HeldOut:
     """Adapt every problem (model * subjects + subject) of ``data`` again without the rows that each of its folds holds
@@ -206,7 +206,7 @@ def held_out(
     """
 
     def adapt(part: Problems, _) -> tuple[Problems, Adapted]:
-        without = adapt_batch(part, weight, reading)
+        without = adapt_batch(part, weight, objective)
         return part.with_sizes(without.sizes), without
 
     return _held_out(data, rows, folds, progress, adapt)

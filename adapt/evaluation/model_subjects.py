@@ -75,11 +75,11 @@ def _amplitudes(
 ) -> Float[np.ndarray, "n subjects"]:
     if effect is None:
         return np.zeros((0, subjects))
-    signs = np.repeat(effect.prior.sign or (0,) * len(effect.directions), len(effect.course.sd))
+    signs = np.repeat(effect.prior.sign or (0,) * len(effect.directions), len(effect.basis.sd))
     signs = np.where(signs, signs, generator.choice([-1.0, 1.0], effect.amplitudes))
     mean, sd = effect.amplitude_prior(wanted)
     common = size * np.where(mean > 0, mean, sd * signs)
-    common[np.arange(effect.amplitudes) % len(effect.course.sd) > 0] = 0.0
+    common[np.arange(effect.amplitudes) % len(effect.basis.sd) > 0] = 0.0
     return common[:, None] * (1.0 + AMPLITUDE_SPREAD * generator.standard_normal((1, subjects)))
 
 

@@ -111,18 +111,18 @@ Progress = Callable[[str], None]
 def adapt_batch(
     data: Problems,
     weight: float = WEIGHT,
-    reading: str = DEFAULT_OBJECTIVE,
+    objective: str = DEFAULT_OBJECTIVE,
     progress: Progress = lambda _: None,
 ) -> Adapted:
     """Find the lowest E of each problem from several starts, with exact derivatives and the bounds of the model.
 
-    ``reading`` names the objective variant. A problem is ``ok`` when the optimality conditions of the whole-subject
+    ``objective`` names the objective variant. A problem is ``ok`` when the optimality conditions of the whole-subject
     problem hold to tolerance. Sizes of effects that differ between persons are fitted too, with the default variant;
     later computations take them as known (``Problems.with_sizes``).
     """
     if data.active_effects.own:
-        return _with_own_sizes(data, weight, reading, progress)
-    chosen, equivalent = OBJECTIVES[reading], np.full(data.counted.shape[1:], WEIGHT)
+        return _with_own_sizes(data, weight, objective, progress)
+    chosen, equivalent = OBJECTIVES[objective], np.full(data.counted.shape[1:], WEIGHT)
     if chosen.form == "squares":
         _, equivalent = chosen.equivalent(
             weight, _at_optimum(data, chosen, data.girdle.adapted_mm, np.full(equivalent.shape, np.nan))
@@ -131,7 +131,7 @@ def adapt_batch(
     return lowest if chosen.form == "squares" else _reweighted(data, weight, chosen, lowest, progress)
 
 
-def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progress) -> Adapted:
+def _with_own_sizes(data: Problems, weight: float, objective: str, progress: Progress) -> Adapted:
     """Adapt with the mean sizes from several starts; then fit sizes and parameters from there, and repeat while E is
     lower with postures in another local minimum."""
     count = data.counted.shape[1]
@@ -152,24 +152,24 @@ def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progr
         left = left[again]
         if not len(left):
             break
-    if reading != DEFAULT_OBJECTIVE:
-        adapted = adapt_batch(data.with_sizes(sizes), weight, reading, progress)
+    if objective != DEFAULT_OBJECTIVE:
+        adapted = adapt_batch(data.with_sizes(sizes), weight, objective, progress)
     adapted.code[~settled] = status.UNCONVERGED
     return adapted._replace(sizes=sizes)
 
 
 def _reweighted(
-    data: Problems, weight: float, reading: ObjectiveVariant, adapted: Adapted, progress: Progress
+    data: Problems, weight: float, variant: ObjectiveVariant, adapted: Adapted, progress: Progress
 ) -> Adapted:
     """Iterate the weights of points and postures of each problem to a fixed point: at the optimum with these weights,
     the equivalent weights of the variant are the same."""
     left = np.arange(len(adapted.code))
     for number in range(_REWEIGHTED):
-        progress(f"weights of the reading, round {number + 1}")
+        progress(f"weights of the variant, round {number + 1}")
         part, before = take_problems(data, left), take_problems(adapted, left)
-        u, W = reading.equivalent(weight, _at_optimum(part, reading, before.theta_mm, before.mean_j_deg2))
+        u, W = variant.equivalent(weight, _at_optimum(part, variant, before.theta_mm, before.mean_j_deg2))
         W = np.maximum(W, _LEAST_WEIGHT)
-        found = _from_theta(part, weight, reading, W, before.theta_mm, u)
+        found = _from_theta(part, weight, variant, W, before.theta_mm, u)
         adapted = with_problems(adapted, left, found._replace(point_weights=u))
         moving = np.abs(np.log(W / before.weight)) > _SETTLED
         moving |= np.abs(u - before.point_weights).max(axis=0) > _SETTLED
@@ -180,10 +180,10 @@ def _reweighted(
     return adapted
 
 
-def _at_optimum(data: Problems, reading: ObjectiveVariant, theta_mm, mean_j_deg2) -> AtOptimum:
+def _at_optimum(data: Problems, variant: ObjectiveVariant, theta_mm, mean_j_deg2) -> AtOptimum:
     """Compute the terms of E at theta."""
     moved = data.girdle.with_adapted(theta_mm).over_postures()
-    places, weights, levels = landmark_points(data, reading.landmarks > 0.0)
+    places, weights, levels = landmark_points(data, variant.landmarks > 0.0)
     every = np.concatenate([data.points_mm, places], axis=1)
     distance_mm = np.asarray(signed_distance_mm(every, moved.centre_mm, moved.semi_axes_mm))
     of_points, of_landmarks = np.split(distance_mm, [np.shape(data.points_mm)[1]])
@@ -191,22 +191,22 @@ def _at_optimum(data: Problems, reading: ObjectiveVariant, theta_mm, mean_j_deg2
     return AtOptimum(of_points, np.asarray(data.point_weights), mean_j_deg2, np.sum(data.counted, axis=0), L)
 
 
-def _lowest(data: Problems, weight: float, reading: ObjectiveVariant, equivalent, progress: Progress) -> Adapted:
+def _lowest(data: Problems, weight: float, variant: ObjectiveVariant, equivalent, progress: Progress) -> Adapted:
     """Solve all starts of all problems side by side, continue each optimum until its postures are the lowest, and
     return the lowest optimum of each problem."""
-    problem = subject_problem(data, equivalent, reading.landmarks)
+    problem = subject_problem(data, equivalent, variant.landmarks)
     theta, angles = _starts(data)
     count = len(equivalent)
     every = np.tile(np.arange(count), theta.shape[-1] // count)
     progress("round 1")
     data, problem, equivalent = take_problems((data, problem, equivalent), every)
     found = solved_from(problem, data.active_effects, theta, angles)
-    E = _as_adapted(data, weight, reading, equivalent, found).E
+    E = _as_adapted(data, weight, variant, equivalent, found).E
     same = _SAME_E.for_dtype_of(data.angles)
     kept = np.flatnonzero(_distinct(np.where(found.converged & np.isfinite(E), E, np.inf).reshape(-1, count), same))
     data, problem, equivalent, found = take_problems((data, problem, equivalent, found), kept)
     found = _to_the_lowest_postures(data, problem, found, progress)
-    ended = _as_adapted(as_type(data, float), weight, reading, equivalent, found)
+    ended = _as_adapted(as_type(data, float), weight, variant, equivalent, found)
     E = np.where((ended.code != status.UNCONVERGED) & np.isfinite(ended.E), ended.E, np.inf)
     lowest, number = np.full(count, np.inf), every[kept]
     np.minimum.at(lowest, number, E)
@@ -246,18 +246,18 @@ def adapted_from(
     weight: float | Float[np.ndarray, " problems"] = WEIGHT,
 ) -> Adapted:
     """Find the optimum of E = D [mm^2] + weight mean(J) [deg^2] within the bounds from a single start theta, mm."""
-    reading = OBJECTIVES[DEFAULT_OBJECTIVE]
+    variant = OBJECTIVES[DEFAULT_OBJECTIVE]
     equivalent = np.broadcast_to(np.asarray(weight, float), data.counted.shape[1:])
-    return _from_theta(data, weight, reading, equivalent, theta)
+    return _from_theta(data, weight, variant, equivalent, theta)
 
 
-def _from_theta(data: Problems, weight, reading: ObjectiveVariant, equivalent, theta, point_weights=None) -> Adapted:
+def _from_theta(data: Problems, weight, variant: ObjectiveVariant, equivalent, theta, point_weights=None) -> Adapted:
     """Find the optimum reached from theta and the postures that are fitted there."""
-    problem = subject_problem(data, equivalent, reading.landmarks, point_weights)
+    problem = subject_problem(data, equivalent, variant.landmarks, point_weights)
     start = data.angles if data.active_effects.effects else fitted_angles(data, theta)
     found = solved_from(problem, data.active_effects, theta, start)
     found = _to_the_lowest_postures(data, problem, found, lambda _: None)
-    return _as_adapted(as_type(data, float), weight, reading, equivalent, found)
+    return _as_adapted(as_type(data, float), weight, variant, equivalent, found)
 
 
 def _to_the_lowest_postures(
@@ -326,13 +326,13 @@ def _over_postures(data: Problems, angles: Float[np.ndarray, "6 rows"]) -> Float
     return angles[:, np.maximum.accumulate(place, axis=0)]
 
 
-def _as_adapted(data: Problems, weight, reading: ObjectiveVariant, equivalent, solved: SubjectSolution) -> Adapted:
+def _as_adapted(data: Problems, weight, variant: ObjectiveVariant, equivalent, solved: SubjectSolution) -> Adapted:
     angles, count = np.sum(data.measured, axis=0), np.sum(data.counted, axis=0)
     determined = np.all(angles >= FEWEST_ANGLES, axis=0)
     theta = np.where(determined, solved.theta, np.nan)
     j = mean_square_deg2(solved.angles, data.angles, angle_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / count
-    at = _at_optimum(data, reading, theta, mean_j)
+    at = _at_optimum(data, variant, theta, mean_j)
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
     informed = np.any(data.counted & (angles > FEWEST_ANGLES), axis=0) | (mean_j > _EXACT_DEG2)
     converged = np.asarray(solved.converged) & np.isfinite(at.D_mm2) & np.isfinite(mean_j)
@@ -350,10 +350,10 @@ def _as_adapted(data: Problems, weight, reading: ObjectiveVariant, equivalent, s
         D_mm2=at.D_mm2,
         L_mm2=at.L_mm2,
         mean_j_deg2=mean_j,
-        E=reading.value(weight, at),
+        E=variant.value(weight, at),
         weight=np.asarray(equivalent, float),
         point_weights=at.point_weights,
-        landmark_weight=np.full(theta.shape[1:], reading.landmarks),
+        landmark_weight=np.full(theta.shape[1:], variant.landmarks),
         iterations=np.asarray(solved.iterations),
         sizes=np.zeros((0, *theta.shape[1:])),
         code=np.where(determined, code, status.UNUSABLE),

@@ -23,10 +23,10 @@ def _of_folder(folder: str) -> list[Effect]:
     modules = (
         importlib.import_module(f"{package.__name__}.{one.name}") for one in pkgutil.iter_modules(package.__path__)
     )
-    return [course for module in modules for course in _courses(module.EFFECT)]
+    return [effect for module in modules for effect in _with_bases(module.EFFECT)]
 
 
-def _courses(effect: Effect) -> list[Effect]:
+def _with_bases(effect: Effect) -> list[Effect]:
     return [effect, by_posture(effect)] if effect.may_follow else [effect]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from models.effects import EFFECTS, ActiveEffects, Effect
-from models.effects.course import CONSTANT, OverElevation
+from models.effects.basis import CONSTANT, OverElevation
 from models.effects.measurement.skin_artefact import MeasuredLag
 from models.person.positions.measured_movement import MEASURED, measurable, measured_movement_mm
 from motions.errors import InputError, did_you_mean, warn_input
@@ -73,7 +73,7 @@ def sizes_of_persons(
         given = amplitudes[effect.name]
         if isinstance(given, PersonalSize):
             mean, sd = _amplitude(effect, given.mean), _amplitude(effect, given.sd)
-            terms = len(effect.course.sd)
+            terms = len(effect.basis.sd)
             for k in np.flatnonzero(sd > 0.0).tolist():
                 term = f" term {k % terms + 1}" if terms > 1 else ""
                 found[f"{effect.name} {effect.directions[k // terms]}{term}"] = mean[k] + sd[k] * sizes[len(found)]
@@ -130,8 +130,8 @@ in another unit: a share for percent, or radians."""
 
 def _doubt(effect: Effect, given: Amplitude) -> None:
     """Warn of amplitudes far above or below the typical size of the effect."""
-    over, share = isinstance(effect.course, OverElevation), isinstance(effect.course, MeasuredLag)
-    if isinstance(given, str) or not (over or share or effect.course == CONSTANT):
+    over, share = isinstance(effect.basis, OverElevation), isinstance(effect.basis, MeasuredLag)
+    if isinstance(given, str) or not (over or share or effect.basis == CONSTANT):
         return
     if len(mean := _mean(given)) != len(effect.directions):  # several terms per direction
         return
@@ -231,6 +231,6 @@ def _amplitude(effect: Effect, given: Sequence[float]) -> Float[np.ndarray, " am
     """Return all amplitudes; if only one per direction is given, the later terms of the basis are zero."""
     if len(given) == effect.amplitudes:
         return np.asarray(given, float)
-    amplitude = np.zeros((len(effect.directions), len(effect.course.sd)))
+    amplitude = np.zeros((len(effect.directions), len(effect.basis.sd)))
     amplitude[:, 0] = given
     return amplitude.ravel()

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from models.effects.course import Varying
+from models.effects.basis import Varying
 from models.effects.effect import Adjust, Effect, Rotations
 from models.girdle import Girdle
 from motions.arrays import Array, xp
@@ -59,7 +59,7 @@ def by_posture(effect: Effect) -> Effect:
         directions=tuple(f"{one} by {angle}" for one in effect.directions for angle in angles),
         adjust=_adjust_followed(effect.adjust, strengths),
         prior=replace(effect.prior, scale=_shared_out(effect.prior.scale, len(angles)), sign=()),
-        course=ByPosture(angles=angles),
+        basis=ByPosture(angles=angles),
         may_follow=(),
     )
 

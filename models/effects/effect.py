@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from models.effects.course import CONSTANT, Course
+from models.effects.basis import CONSTANT, Basis
 from models.effects.prior import AmplitudePrior, EffectPrior, amplitude_prior
 from models.girdle import Girdle
 from motions.arrays import Array
@@ -43,7 +43,7 @@ class Effect:
     adjust: Adjust
     prior: EffectPrior
     """Prior of the size."""
-    course: Course = CONSTANT
+    basis: Basis = CONSTANT
     """Basis: turns amplitudes into the strength at each posture."""
     may_follow: tuple[str, ...] = ()
     """Bone angles that the effect may follow in place of the elevation of the arm, in a second basis
@@ -78,7 +78,7 @@ class Effect:
     @property
     def amplitudes(self) -> int:
         """Number of amplitudes: directions times terms of the basis."""
-        return len(self.directions) * len(self.course.sd)
+        return len(self.directions) * len(self.basis.sd)
 
     @property
     def size_unit(self) -> str:
@@ -87,11 +87,11 @@ class Effect:
 
     def amplitude_prior(self, motions: Motions) -> AmplitudePrior:
         """Compute the prior of each amplitude at these postures (:mod:`models.effects.prior`)."""
-        return amplitude_prior(self.prior, self.course.sd, self.course.rms(len(self.directions), motions))
+        return amplitude_prior(self.prior, self.basis.sd, self.basis.rms(len(self.directions), motions))
 
     def columns(self, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
         """Compute the strength in each channel of each amplitude of 1, at every posture of the motions."""
-        return self.course.columns(len(self.directions), motions)
+        return self.basis.columns(len(self.directions), motions)
 
     def strengths(
         self, amplitude: Float[np.ndarray, " amplitudes"], motions: Motions

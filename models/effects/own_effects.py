@@ -38,7 +38,7 @@ def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
     postures = jnp.asarray(REST_DEG[:, None] + np.array([0.0, _AWAY_DEG])) / DEG
     base = np.asarray(girdle.residuals_mm(postures))
     for effect in own:
-        channels = effect.course.channels(len(effect.directions))
+        channels = effect.basis.channels(len(effect.directions))
         scale = np.resize(effect.prior.scale, channels)
         at_zero = _residuals_mm(effect, girdle, postures, np.zeros(channels))
         if np.abs(at_zero - base).max() > _ROUNDING_MM:

@@ -26,10 +26,10 @@ from motions.checks.motion_table import (
 from motions.checks.positions_and_angles import apart_from_angles, in_another_frame, still_places
 from motions.checks.signs import (
     BACKWARD,
-    courses_of,
     exchanged,
     likely_convention,
     protraction_runs_backward,
+    rest_and_change,
     runs_backward,
     turned_in_one_motion,
     wrong_signs,
@@ -164,7 +164,7 @@ class SubjectDoubts:
     def look_at(self, motions: Motions, files: Mapping[str, str]) -> None:
         """Warn of subjects with angles or landmarks that no person has.
 
-        Angles are unlike a person's with the arm lowest, or have another course (another sign, radians, another frame).
+        Angles are unlike a person's with the arm lowest, or change otherwise (another sign, radians, another frame).
         ``files``: the file of each subject.
         """
         new = [name for name in motions.extra.columns if name not in self._columns]
@@ -210,9 +210,9 @@ def warn_of_subjects(motions: Motions, file: str) -> None:
 def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     """List the doubts about the postures of one subject."""
     rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
-    courses, found = courses_of(mine), []
-    signs = wrong_signs(courses)
-    exchange = exchanged(courses, signs)
+    low_and_change, found = rest_and_change(mine), []
+    signs = wrong_signs(low_and_change)
+    exchange = exchanged(low_and_change, signs)
     of_exchange = () if exchange is None else exchange.columns
     signs = [one for one in signs if one.angle not in of_exchange]
     named = tuple(f"{angle}_deg" for angle in (*(one.angle for one in signs), *of_exchange))
@@ -223,7 +223,7 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     of_places = () if wrong or not positions else (in_another_frame, still_places, apart_from_angles)
     frame = next(filter(None, (check(mine, positions) for check in of_places)), None)
     backward = None if signs or exchange else protraction_runs_backward(mine)
-    doubts = (*(check(mine) for check in _OF_TABLE), turned_in_one_motion(courses), backward, frame)
+    doubts = (*(check(mine) for check in _OF_TABLE), turned_in_one_motion(low_and_change), backward, frame)
     found += [InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]) for doubt in doubts if doubt]
     if exchange is not None:
         remedy = f"Are the {'two' if len(exchange.columns) == 2 else 'three'} columns exchanged (docs/frames.md)?"
@@ -234,6 +234,6 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(InputError(file, None, f"{subject}: {corner}", CALL_IT_AA))
     if signs:
         cause = f"{subject}: {'; '.join(one.said for one in signs)}"
-        remedy = BACKWARD if runs_backward(courses) else likely_convention(signs)
+        remedy = BACKWARD if runs_backward(low_and_change) else likely_convention(signs)
         found.append(InputError(file, None, cause, remedy))
     return found

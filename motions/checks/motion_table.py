@@ -17,7 +17,7 @@ Doubt = tuple[str, str]
 LARGEST_RADIANS = 1.0
 """Maximum of the elevation and axial rotation of a clavicle and of the tipping of a scapula, in radians. An angle in
 degrees that stays below 1 while the arm rises by 60 changes by less than the noise of a measurement, and by less than a
-tenth of its course in people."""
+tenth of its change in people."""
 
 _IN_RADIANS: dict[str, float] = {
     **dict.fromkeys(("clavicle_z", "clavicle_x", "scapula_x"), LARGEST_RADIANS),

@@ -1,6 +1,6 @@
 """Checks of the signs of angles, from the girdle at rest and its motion while the arm rises.
 
-An angle is r at rest and has a course, or change, of s degrees over 60 degrees of elevation. In the population r and s
+An angle is r at rest and changes by s degrees over 60 degrees of elevation. In the population r and s
 are normal with means m, n and SDs p, q. The odds of the present sign against the other one are exp(L),
 
     L = 2 r m / p^2 + 2 s n / q^2.
@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
 LARGE_MOTION_DEG = 60.0
-"""Minimum range of elevation within one motion, in degrees, for a course."""
+"""Minimum range of elevation within one motion, in degrees, for a change."""
 
 LOW_DEG = 50.0
 """Elevation in degrees below which the girdle is near its rest: up to it the scapula alone turns by 20 degrees."""
@@ -45,15 +45,15 @@ protraction of the clavicle."""
 
 @dataclass(frozen=True)
 class Usual:
-    """Angle at rest and its course over 60 degrees of elevation, in degrees: means and SDs of people.
+    """Angle at rest and its change over 60 degrees of elevation, in degrees: means and SDs of people.
 
     A mean of 0 tells nothing about the sign.
     """
 
     rest: float
     rest_sd: float
-    course: float
-    course_sd: float
+    change: float
+    change_sd: float
     source: str
 
 
@@ -89,13 +89,13 @@ USUAL: dict[str, Usual] = {
         3.0,
         6.0,
         "10 deg forward at rest, backward with elevation in most studies, Struyf et al. (2011); measured as above: -4 "
-        "to -14 at rest, courses of -10 to 10",
+        "to -14 at rest, changes of -10 to 10",
     ),
 }
 
 
-_REST, _REST_SD, _COURSE, _COURSE_SD = np.array(
-    [(one.rest, one.rest_sd, one.course, one.course_sd) for one in (USUAL[angle] for angle in ANGLES)]
+_REST, _REST_SD, _CHANGE, _CHANGE_SD = np.array(
+    [(one.rest, one.rest_sd, one.change, one.change_sd) for one in (USUAL[angle] for angle in ANGLES)]
 ).T
 """Values of USUAL as arrays in the order of ANGLES."""
 
@@ -147,41 +147,41 @@ degrees per 60 degrees of the arm. Measured scapulae turn by at least 4 more tha
 girdles by at most 7 less."""
 
 
-class Courses(NamedTuple):
-    """Angles of one subject with the arm low, and courses over 60 degrees of elevation, in degrees; NaN where unknown.
+class RestAndChange(NamedTuple):
+    """Angles of one subject with the arm low, and changes over 60 degrees of elevation, in degrees; NaN where unknown.
 
-    The line of every angle over elevation in each motion has a course (``of_motions``) and a value at the lowest
+    The line of every angle over elevation in each motion has a change (``of_motions``) and a value at the lowest
     elevation (``starts``, NaN above LOW_DEG); ``large`` is true where the motion is large enough for a line.
     """
 
     rest: Float[np.ndarray, "6"]
-    course: Float[np.ndarray, "6"]
+    change: Float[np.ndarray, "6"]
     motions: tuple[str, ...]
     of_motions: Float[np.ndarray, "motions 6"]
     starts: Float[np.ndarray, "motions 6"]
     large: Bool[np.ndarray, "motions 6"]
 
 
-def courses_of(motions: Motions) -> Courses:
-    """Compute the angles at rest and the courses of one subject, for all checks of signs."""
+def rest_and_change(motions: Motions) -> RestAndChange:
+    """Compute the angles at rest and the changes of one subject, for all checks of signs."""
     elevation = motions.humerus_elevation_deg
     low = elevation <= min(LOW_DEG, _lowest(elevation) + NEAR_DEG)  # NaN compares false
     of_motions, starts, large = _lines(motions)
     has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
-    course = np.where(has_line, np.where(large, of_motions, 0.0).sum(axis=0) / count, np.nan)
+    change = np.where(has_line, np.where(large, of_motions, 0.0).sum(axis=0) / count, np.nan)
     rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
-    return Courses(rest, course, tuple(dict.fromkeys(motions.motion.tolist())), of_motions, starts, large)
+    return RestAndChange(rest, change, tuple(dict.fromkeys(motions.motion.tolist())), of_motions, starts, large)
 
 
-def exchanged(found: Courses, signs: Sequence[WrongSign]) -> Exchanged | None:
+def exchanged(found: RestAndChange, signs: Sequence[WrongSign]) -> Exchanged | None:
     """Find columns that are likely exchanged: two or three of one bone, or the elevations of clavicle and scapula.
 
-    The criterion is people's angles at rest and courses. The exchange must be likelier than the present columns with
+    The criterion is people's angles at rest and changes. The exchange must be likelier than the present columns with
     the signs in ``signs`` turned round.
     """
-    rest, course = found.rest, found.course
+    rest, change = found.rest, found.change
     turned = np.where(np.isin(ANGLES, [one.angle for one in signs]), -1.0, 1.0)
-    mine, others = _squares(turned * rest, turned * course), _squares(rest[_ORDERS], course[_ORDERS])
+    mine, others = _squares(turned * rest, turned * change), _squares(rest[_ORDERS], change[_ORDERS])
     moved = np.arange(6) != _ORDERS
     known = np.isfinite(mine[:, None] + others) & moved
     possible = known.any(axis=(0, 2)) & (np.where(known, others, 0.0).max(axis=(0, 2)) <= FARTHEST_SD**2)
@@ -189,7 +189,7 @@ def exchanged(found: Courses, signs: Sequence[WrongSign]) -> Exchanged | None:
     likelier += SIGN_COST * (moved & (turned < 0.0)).sum(axis=1)
     best = int(np.argmax(np.where(possible, likelier, -np.inf)))
     if not (possible[best] and likelier[best] > EXCHANGED):
-        return _ELEVATIONS if (turned * course)[1] - (turned * course)[4] > BEYOND_SCAPULA_DEG else None
+        return _ELEVATIONS if (turned * change)[1] - (turned * change)[4] > BEYOND_SCAPULA_DEG else None
     columns = np.flatnonzero(moved[best])
     return Exchanged(tuple(ANGLES[k] for k in _ORDERS[best, columns]), tuple(ANGLES[k] for k in columns))
 
@@ -204,41 +204,41 @@ _ORDERS = np.array(
 """Orders of the columns with an exchange within one bone."""
 
 
-def _squares(rest: Float[np.ndarray, "*orders 6"], course: Float[np.ndarray, "*orders 6"]) -> np.ndarray:
-    """Compute squared deviations, in SD, from people's angles at rest and courses; NaN without information."""
+def _squares(rest: Float[np.ndarray, "*orders 6"], change: Float[np.ndarray, "*orders 6"]) -> np.ndarray:
+    """Compute squared deviations, in SD, from people's angles at rest and changes; NaN without information."""
     of_rest = np.where(_REST == 0.0, np.nan, (rest - _REST) / _REST_SD)
-    of_course = np.where(_COURSE == 0.0, np.nan, (course - _COURSE) / _COURSE_SD)
-    return np.stack([of_rest, of_course]) ** 2
+    of_change = np.where(_CHANGE == 0.0, np.nan, (change - _CHANGE) / _CHANGE_SD)
+    return np.stack([of_rest, of_change]) ** 2
 
 
-def runs_backward(found: Courses) -> bool:
+def runs_backward(found: RestAndChange) -> bool:
     """Check whether every angle goes the other way than in people while none has another sign at rest.
 
     The elevation is then measured from overhead, or belongs to another motion.
     """
-    rest, course = found.rest, found.course
-    known = np.isfinite(course) & (np.abs(_COURSE) > _COURSE_SD)
+    rest, change = found.rest, found.change
+    known = np.isfinite(change) & (np.abs(_CHANGE) > _CHANGE_SD)
     at_rest = np.isfinite(rest) & (_REST != 0.0)
-    backward = known.sum() >= _FEWEST_BACKWARD and (course * _COURSE < 0.0)[known].all()
+    backward = known.sum() >= _FEWEST_BACKWARD and (change * _CHANGE < 0.0)[known].all()
     return bool(backward and (rest * _REST > 0.0)[at_rest].all())
 
 
 BACKWARD = "All angles go the other way: is humerus_elevation_deg measured from overhead? It is 0 with the arm hanging"
 
 _FEWEST_BACKWARD = 3
-"""Minimum number of courses: with ISB's beta, two go the other way too."""
+"""Minimum number of angles that change: with ISB's beta, two go the other way too."""
 
 
-def wrong_signs(found: Courses) -> list[WrongSign]:
+def wrong_signs(found: RestAndChange) -> list[WrongSign]:
     """Find the angles of one subject that likely have the other sign."""
-    rest, course = found.rest, found.course
-    by_rest, by_course = 2.0 * rest * _REST / _REST_SD**2, 2.0 * course * _COURSE / _COURSE_SD**2
-    half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
-    log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
+    rest, change = found.rest, found.change
+    by_rest, by_change = 2.0 * rest * _REST / _REST_SD**2, 2.0 * change * _CHANGE / _CHANGE_SD**2
+    half = (np.isnan(by_rest) != np.isnan(by_change)) & (_REST != 0.0) & (_CHANGE != 0.0)
+    log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_change)
     wrong = np.flatnonzero(log_odds < LEAST_LOG_ODDS * np.where(half, 2.0, 1.0))
     far = (_REST != 0.0) & (np.abs(-rest - _REST) > FAR_SD * _REST_SD)
     return [
-        WrongSign(name, _said(name, USUAL[name], rest[k], course[k]), float(log_odds[k]), bool(far[k]))
+        WrongSign(name, _said(name, USUAL[name], rest[k], change[k]), float(log_odds[k]), bool(far[k]))
         for k, name in ((k, ANGLES[k]) for k in wrong)
     ]
 
@@ -247,10 +247,10 @@ TURNED_LOG_ODDS = 3.0
 """Log odds, 20 to 1, for the sign in one motion and against it in another. Measured motions have 0 and more."""
 
 
-def turned_in_one_motion(found: Courses) -> tuple[str, str] | None:
+def turned_in_one_motion(found: RestAndChange) -> tuple[str, str] | None:
     """Find an angle with its sign in one large motion and the other sign in another; each motion begins at rest."""
-    by_rest, by_course = 2.0 * found.starts * _REST / _REST_SD**2, 2.0 * found.of_motions * _COURSE / _COURSE_SD**2
-    log_odds = np.where(found.large, np.nan_to_num(by_rest) + np.nan_to_num(by_course), 0.0)
+    by_rest, by_change = 2.0 * found.starts * _REST / _REST_SD**2, 2.0 * found.of_motions * _CHANGE / _CHANGE_SD**2
+    log_odds = np.where(found.large, np.nan_to_num(by_rest) + np.nan_to_num(by_change), 0.0)
     least, best = log_odds.argmin(axis=0), log_odds.max(axis=0)
     turned = np.flatnonzero((log_odds.min(axis=0) < -TURNED_LOG_ODDS) & (best > TURNED_LOG_ODDS))
     if not len(turned):
@@ -305,7 +305,7 @@ def _lowest(elevation_deg: Float[np.ndarray, " n"]) -> float:
 def _lines(
     motions: Motions,
 ) -> tuple[Float[np.ndarray, "motions 6"], Float[np.ndarray, "motions 6"], Bool[np.ndarray, "motions 6"]]:
-    """Fit the least-squares lines of ``Courses``."""
+    """Fit the least-squares lines of ``RestAndChange``."""
     every: list[tuple[np.ndarray, ...]] = []
     for motion in dict.fromkeys(motions.motion.tolist()):
         rows = motions.motion == motion
@@ -318,19 +318,19 @@ def _lines(
         slope = (away * y).sum(axis=0) / np.where(large, (away * away).sum(axis=0), 1.0)
         start = y.sum(axis=0) / count + slope * np.where(large, lowest - middle, 0.0)
         every.append((LARGE_MOTION_DEG * slope, np.where(lowest <= LOW_DEG, start, np.nan), large))
-    courses, starts, large = zip(*every, strict=True)
-    return np.stack(courses), np.stack(starts), np.stack(large)
+    changes, starts, large = zip(*every, strict=True)
+    return np.stack(changes), np.stack(starts), np.stack(large)
 
 
-def _said(angle: str, usual: Usual, rest: float, course: float) -> str:
+def _said(angle: str, usual: Usual, rest: float, change: float) -> str:
     words = []
     if usual.rest and np.isfinite(rest):
         words.append(f"is {rest:.0f} with the arm low (people: {usual.rest:.0f} +- {usual.rest_sd:.0f})")
-    if usual.course and np.isfinite(course):
-        goes = "rises" if course > 0.0 else "falls"
+    if usual.change and np.isfinite(change):
+        goes = "rises" if change > 0.0 else "falls"
         words.append(
-            f"{goes} by {abs(course):.0f} degrees over 60 degrees of elevation (people: {usual.course:.0f} +- "
-            f"{usual.course_sd:.0f})"
+            f"{goes} by {abs(change):.0f} degrees over 60 degrees of elevation (people: {usual.change:.0f} +- "
+            f"{usual.change_sd:.0f})"
         )
     return f"{angle}_deg ({ANGLE_NAMES[angle]}) {' and '.join(words)}"
 

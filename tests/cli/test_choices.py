@@ -9,7 +9,7 @@ from adapt.solvers.objective import DEFAULT_OBJECTIVE, OBJECTIVES, WEIGHT
 from adapt.tables.muscle_tables import BODY_MASS_KG
 from models import model_names
 from models.effects.amplitudes import OPTION
-from models.effects.course import FULL_ELEVATION_DEG
+from models.effects.basis import FULL_ELEVATION_DEG
 from models.person.contours.band import HALF_WIDTH_PX, VECTOR_PX
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.mapping import UNITS_MM

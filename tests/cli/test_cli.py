@@ -273,7 +273,7 @@ def test_the_record_is_enough_to_repeat_the_run(fitted, adapted):
     assert fitted.record["options"] == {"float32": False, "angles": "six", "effect": []}
     assert adapted.record["options"] == {
         "weight": 5.0,
-        "reading": "mm2_deg2",
+        "objective": "mm2_deg2",
         "float32": False,
         "angles": "six",
         "effect": [],

@@ -98,7 +98,7 @@ def test_the_nearest_posture_is_that_of_slsqp(strength):
     strengths = strength * scale[:, None] * generator.standard_normal((joint.candidates.columns.shape[1], len(rows)))
     angles = joint.shoulders.angles[:, rows]
     near = nearest_postures(girdle, joint.model.effects, strengths, angles, np.ones(angles.shape, bool))
-    counts = [one.course.channels(len(one.directions)) for one in joint.model.effects]
+    counts = [one.basis.channels(len(one.directions)) for one in joint.model.effects]
     active = ActiveEffects(tuple(np.split(strengths, np.cumsum(counts)[:-1])), joint.model.effects)
     for k in range(len(rows)):
         found = slsqp(take_problems(active.on(girdle), k), angles[:, k] * DEG, near.angles[:, k] * DEG)

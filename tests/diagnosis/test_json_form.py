@@ -39,7 +39,7 @@ KEYS = {
 
 INTERVAL = {"value", "low", "high"}
 KINDS = ("noise_floor", "base", "adapted", "own_bones", "with_effect")
-AMPLITUDE = {*INTERVAL, "what", "course", "unit", "typical", "too_large", "directions", "option", "by_subject"}
+AMPLITUDE = {*INTERVAL, "what", "basis", "unit", "typical", "too_large", "directions", "option", "by_subject"}
 
 
 def numbers(object: Mapping[str, Any], keys: set[str]) -> bool:

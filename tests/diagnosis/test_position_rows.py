@@ -20,7 +20,7 @@ from adapt.engine.batching import take_problems
 from adapt.evaluation.person_constants import prior_of
 from models import load_model
 from models.effects import EFFECTS
-from models.effects.course import FULL_ELEVATION_DEG
+from models.effects.basis import FULL_ELEVATION_DEG
 from models.person.positions.measured_movement import AA_SD_MM
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
@@ -92,7 +92,7 @@ def amplitudes(candidates: Candidates, **sizes: np.ndarray) -> np.ndarray:
     """Return all amplitudes: ``sizes`` in the first term of each direction of these effects, 0 elsewhere."""
     a = np.zeros(len(candidates.scale))
     for name, size in sizes.items():
-        a[candidates.places[name][:: len(candidates.effect(name).course.sd)]] = size
+        a[candidates.places[name][:: len(candidates.effect(name).basis.sd)]] = size
     return a
 
 
@@ -218,7 +218,7 @@ def near_of(one: np.ndarray, length: float) -> np.ndarray:
 def test_curves_hold_most_of_what_is_smooth(length):
     """Check that curves lose less than a tenth of the variance of a smooth course, and add none."""
     _, _, shoulders = parts(laid_out())
-    (elevation, along), first = shoulders.course_deg, shoulders.rows_of(0)
+    (elevation, along), first = shoulders.coordinates_deg, shoulders.rows_of(0)
     near, near_along = near_of(elevation, length), near_of(along, length)
     own = (near * (1.0 + near_along * (shoulders.motion[:, None] == shoulders.motion)))[np.ix_(first, first)] / 2.0
     found = own_position_curves(shoulders, first, length), common_position_curves(shoulders, length)
@@ -294,7 +294,7 @@ def test_positions_show_a_joint_that_moves_and_no_other():
     )
     assert shown is not None
     assert shown.names == ("sc_translation",)
-    first = shown.given.amplitude[:: len(EFFECTS["sc_translation"].course.sd)]
+    first = shown.given.amplitude[:: len(EFFECTS["sc_translation"].basis.sd)]
     np.testing.assert_allclose(first, 3.0 * SC_MM, atol=3.0)
 
 

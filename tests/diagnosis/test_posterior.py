@@ -40,7 +40,7 @@ AT_THE_TOP = 0.2
 def dense_covariance(joint: JointFit, found: Discrepancy) -> np.ndarray:
     """Compute the covariance of one constraint from its definition."""
     shoulders = joint.shoulders
-    elevation, along = shoulders.course_deg
+    elevation, along = shoulders.coordinates_deg
     near, near_along = (
         (1.0 + np.sqrt(3.0) * apart) * np.exp(-np.sqrt(3.0) * apart)
         for apart in (np.abs(one[:, None] - one) / found.length_deg for one in (elevation, along))

@@ -96,7 +96,7 @@ def test_angles_and_positions_have_the_density_of_both_with_the_noise_that_they_
     evidence = likelihood.evidence(theta, y, Z, every, here).given(where, here[where], mean, scale)
 
     same, n = shoulders.subject[:, None] == shoulders.subject, rows.values_mm.shape[1]
-    elevation, along = shoulders.course_deg
+    elevation, along = shoulders.coordinates_deg
 
     def near(one: np.ndarray) -> np.ndarray:
         apart = np.sqrt(3.0) * np.abs(one[:, None] - one) / found.length_deg

@@ -93,14 +93,14 @@ def cause(*names: str, gain: float = 0.5) -> Cause:
     return Cause(names, tuple(1.0 / len(names) for _ in names), gain, 6.0, ("other_motion", "other_person"))
 
 
-def amplitude(name: str, size: float, typical: float, course: str = "", suffix: str = "") -> CauseAmplitude:
+def amplitude(name: str, size: float, typical: float, basis: str = "", suffix: str = "") -> CauseAmplitude:
     """Return the amplitude of a cause that acts in its first direction alone."""
     effect = EFFECTS[name + suffix]
     first, *others = effect.directions
     directions = {first: around(size)} | dict.fromkeys(others, Interval(0.0, -0.1, 0.1))
     values = (size, *(0.0 for _ in others))
     return CauseAmplitude(
-        effect.name, effect.what, course, EFFECTS[name].unit, around(size), typical, directions, values
+        effect.name, effect.what, basis, EFFECTS[name].unit, around(size), typical, directions, values
     )
 
 

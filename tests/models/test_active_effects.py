@@ -351,7 +351,7 @@ def test_subjects_are_simulated_with_an_effect_at_its_typical_size(name):
         assert amplitudes.shape == (2, 0)
         return
     assert amplitudes.shape == (2, effect.amplitudes)
-    terms = len(effect.course.sd)
+    terms = len(effect.basis.sd)
     mean, sd = effect.amplitude_prior(motions)
     typical = np.where(mean > 0.0, mean, sd)
     assert (np.abs(amplitudes[:, ::terms]) < 2.0 * typical[::terms]).all()

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects, Effect, ExtendedGirdle
 from models.effects.amplitudes import active_effects
-from models.effects.course import CONSTANT, ELEVATION, LATE
+from models.effects.basis import CONSTANT, ELEVATION, LATE
 from models.girdle import constraint_residuals_mm
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
@@ -172,7 +172,7 @@ def test_names_are_those_of_the_contract():
 
 @each_effect
 def test_amplitude_zero_is_the_base_model(effect):
-    at_zero = chain((effect, np.zeros(effect.course.channels(len(effect.directions)))))
+    at_zero = chain((effect, np.zeros(effect.basis.channels(len(effect.directions)))))
     close(residuals(at_zero), base_residuals(), SAME_MM)
 
 
@@ -221,14 +221,14 @@ def test_small_effects_add_up_and_their_order_does_not_matter():
 
 @each_effect
 def test_what_describes_an_effect_fits_together(effect):
-    terms = len(effect.course.sd)
+    terms = len(effect.basis.sd)
     mean, sd = effect.amplitude_prior(_MOTIONS)
     assert effect.amplitudes == len(sd) == len(mean) == terms * len(effect.directions)
     assert len(effect.prior.scale) == len(effect.directions) > 0
     assert len(effect.prior.sign) in (0, len(effect.directions))
     assert min(effect.prior.scale) > 0.0
-    np.testing.assert_allclose(sd, np.repeat(sd[::terms], terms) * np.tile(effect.course.sd, len(effect.directions)))
-    channels = effect.course.channels(len(effect.directions))
+    np.testing.assert_allclose(sd, np.repeat(sd[::terms], terms) * np.tile(effect.basis.sd, len(effect.directions)))
+    channels = effect.basis.channels(len(effect.directions))
     columns = effect.columns(_MOTIONS)
     assert columns.shape == (effect.amplitudes, channels, POSTURES)
     amplitude = np.arange(1.0, effect.amplitudes + 1.0)
@@ -245,7 +245,7 @@ QUARTERS_DEG = [37.5, 75.0, 112.5]
 """A quarter, half and three quarters of 150 degrees."""
 
 
-@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.course in (ELEVATION, LATE)])
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.basis in (ELEVATION, LATE)])
 def test_a_course_is_zero_with_the_arm_hanging_and_its_first_term_full_at_150_degrees(name):
     effect = EFFECTS[name]
     amplitude = np.arange(1.0, effect.amplitudes + 1.0)
@@ -271,7 +271,7 @@ def test_what_comes_late_goes_with_the_square_of_elevation(name):
 
 
 def test_what_is_constant_has_a_course_of_one():
-    assert EFFECTS["thorax_tilt"].course is CONSTANT
+    assert EFFECTS["thorax_tilt"].basis is CONSTANT
     found = EFFECTS["thorax_tilt"].columns(over(QUARTERS_DEG))
     close(found, np.repeat(np.eye(3)[..., None], 3, axis=2), SAME_MM)
 
@@ -471,7 +471,7 @@ def test_two_effects_are_undone_from_outside_in():
 
 
 def test_whoever_lists_effects_in_whatever_order_they_act_in_their_own():
-    sizes = {name: tuple(unequal(effect)) for name, effect in EFFECTS.items() if effect.course is CONSTANT}
+    sizes = {name: tuple(unequal(effect)) for name, effect in EFFECTS.items() if effect.basis is CONSTANT}
     names = list(sizes)
     shuffled = [names[k] for k in np.random.default_rng(2).permutation(len(names))]
     assert shuffled != names

@@ -65,7 +65,7 @@ def test_the_range_is_that_which_the_source_states(source, scale):
 def test_they_are_the_effects_of_that_name_with_another_prior():
     for name, effect in doubtful_numbers(load_model("R2")).items():
         assert effect.adjust is EFFECTS[name].adjust
-        assert effect.course is EFFECTS[name].course
+        assert effect.basis is EFFECTS[name].basis
         np.testing.assert_array_equal(EFFECTS[name].prior.mean, 0.0)
 
 

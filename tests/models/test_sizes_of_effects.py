@@ -67,7 +67,7 @@ def terms(name: str, table: pd.DataFrame) -> np.ndarray:
 
 
 @pytest.mark.parametrize("measured", MEASURED)
-@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.course.word])
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.basis.word])
 def test_an_effect_drawn_from_its_prior_is_as_large_as_the_literature_says(name, measured):
     files = MEASURED[measured]()
     table = pd.concat([pd.read_csv(file) for file in files], ignore_index=True)

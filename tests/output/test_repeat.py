@@ -19,7 +19,7 @@ def record(tmp_path) -> Path:
     own = tmp_path / "own.toml"
     own.write_text((FOLDER / "R2.toml").read_text().replace('"R2"', '"own"'))
     inputs = inputs_record(motions, ["R4", str(own)])
-    write_run(tmp_path, "adapt", inputs, {"weight": 5.0, "reading": "mm2_deg2"})
+    write_run(tmp_path, "adapt", inputs, {"weight": 5.0, "objective": "mm2_deg2"})
     return tmp_path / "run.json"
 
 

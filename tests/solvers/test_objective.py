@@ -70,13 +70,13 @@ def test_e_by_hand(name):
 @pytest.mark.parametrize("name", OBJECTIVES)
 def test_the_weights_give_e_the_slopes_of_the_weighted_squares(name):
     """Check that E by differences has the gradient of sum u d^2 + W J in each distance and in J, up to one factor."""
-    reading, step = OBJECTIVES[name], 1e-5
+    variant, step = OBJECTIVES[name], 1e-5
     at = replace(AT, distance_mm=np.array([[4.0], [-1.0], [50.0]]))
-    u, weight = reading.equivalent(W, at)
+    u, weight = variant.equivalent(W, at)
 
     def slope(**one_step):
         high, low = (replace(at, **{k: getattr(at, k) + sign * v for k, v in one_step.items()}) for sign in (1.0, -1.0))
-        return ((reading.value(W, high) - reading.value(W, low)) / (2.0 * step)).item()
+        return ((variant.value(W, high) - variant.value(W, low)) / (2.0 * step)).item()
 
     along_d = [slope(distance_mm=step * np.eye(3)[:, [k]]) for k in range(3)]
     along_j = slope(mean_j_deg2=np.array([step]))

@@ -6,7 +6,7 @@ import pytest
 from programs import few_runs
 
 from adapt import fit_postures
-from adapt.trust.questions.constant_distance import distance_courses, noise_courses, thorax_distances_mm
+from adapt.trust.questions.constant_distance import distances_over_elevation, noise_over_elevation, thorax_distances_mm
 from models import load_model
 from models.girdle import Girdle
 from motions import read_motions
@@ -49,7 +49,7 @@ def test_mean_sd_and_slope_of_distances_made_by_hand():
     offset = np.array([1.0, 1.0, 1.0, 5.0, 5.0, -30.0, 70.0, 2.0, 4.0])
     moving = np.where(elevation == 90.0, 0.0, 0.1 * elevation)
     distances = np.stack([offset + moving, -offset])
-    found = distance_courses(distances, subject, motion, elevation)
+    found = distances_over_elevation(distances, subject, motion, elevation)
     np.testing.assert_allclose(found.slope_mm_per_deg[:, 0], [0.1, 0.0], rtol=0.0, atol=EXACT)
     assert np.isnan(found.slope_mm_per_deg[:, 1]).all()
     np.testing.assert_allclose(found.mean_mm[:, 1], [3.0, -3.0], rtol=EXACT)
@@ -62,7 +62,7 @@ def test_noise_alone_gives_the_spread_of_the_slopes_of_the_constraints(closed):
     girdle, angles = closed
     subject, motion = np.full(14, "one", object), np.repeat(np.array(["a", "b"], object), 7)
     elevation = np.tile(np.linspace(0.0, 150.0, 7), 2)
-    found = noise_courses(girdle, angles, NOISE_DEG, subject, motion, elevation, repeats=300, seed=3)
+    found = noise_over_elevation(girdle, angles, NOISE_DEG, subject, motion, elevation, repeats=300, seed=3)
     units = np.broadcast_to(np.eye(6)[:, :, None], (6, *angles.shape)).copy()
     along = few_runs(lambda unit: jax.jvp(girdle.residuals_mm, (angles,), (unit,))[1][:2])
     G = np.array([along(unit) for unit in units])

@@ -52,7 +52,7 @@ def adapt(
     model: Models = [],  # noqa: B006 (typer reads it, never changes it)
     models_of: ModelsOf = [],  # noqa: B006
     weight: Weight = WEIGHT,
-    reading: Objective = DEFAULT_OBJECTIVE,
+    objective: Objective = DEFAULT_OBJECTIVE,
     chunk: Annotated[
         int | None,
         typer.Option(
@@ -86,5 +86,5 @@ def adapt(
     from adapt.cli.commands.known_effects import effects_of
 
     effect = [*effects_of(effects_of_folder), *effect]
-    asked = AdaptOptions(weight, reading, float32, angles, effect, thorax_downweighting, own_bones)
+    asked = AdaptOptions(weight, objective, float32, angles, effect, thorax_downweighting, own_bones)
     adapt_motions(motions, out, asked_models(model, models_of), asked, chunk, dask, tables)

@@ -71,7 +71,7 @@ class AdaptOptions:
     """Options of ``girdle adapt`` that run.json records, under the same names."""
 
     weight: float
-    reading: str
+    objective: str
     float32: bool
     angles: str
     effect: list[str]
@@ -94,7 +94,7 @@ def adapt_motions(
     time. ``dask``: address of a scheduler. ``tables``: True to print the tables too.
     """
     gc.freeze()  # keeps objects of the imports out of every garbage collection, which saves a tenth of a short run
-    _check_objective(asked.reading)
+    _check_objective(asked.objective)
     check_angles(asked.angles)
     known = read_known(asked.effect, asked.thorax_downweighting)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
@@ -105,9 +105,11 @@ def adapt_motions(
     held_out, less = sample(subjects), known.thorax_downweighting
     people = None
     if asked.own_bones:
-        check_own_bones(known.effects, asked.reading, less)
+        check_own_bones(known.effects, asked.objective, less)
         people = _people(files, missing, subjects, models, known, asked.angles)
-    work = Work(tuple(models), asked.weight, asked.reading, shown, held_out, asked.float32, known.effects, less, people)
+    work = Work(
+        tuple(models), asked.weight, asked.objective, shown, held_out, asked.float32, known.effects, less, people
+    )
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = _chunks(files, missing, asked.angles, size)  # finds bad input before the folder of the results is made
     options: dict[str, object] = asdict(asked)
@@ -136,9 +138,9 @@ def adapt_motions(
     finish(table, result.failed)
 
 
-def _check_objective(reading: str) -> None:
-    if reading not in OBJECTIVES:
-        raise InputError("--objective", None, f"unknown variant '{reading}'", f"Use one of {', '.join(OBJECTIVES)}")
+def _check_objective(objective: str) -> None:
+    if objective not in OBJECTIVES:
+        raise InputError("--objective", None, f"unknown variant '{objective}'", f"Use one of {', '.join(OBJECTIVES)}")
 
 
 def _chunks(files: MotionStream, missing: dict[str, InputError], angles: str, size: int) -> Iterator[Motions]:
@@ -154,7 +156,7 @@ def _in_words(work: Work, angles: str, known: Known) -> str:
     """Describe in words how the models were adapted."""
     of_angles = [] if angles == SIX else [f"{angles} angles"]
     own_bones = [] if work.people is None else [OWN_BONES]
-    return ", ".join([f"w = {work.weight:g}", f"objective {work.reading}", *of_angles, *own_bones, *known.texts])
+    return ", ".join([f"w = {work.weight:g}", f"objective {work.objective}", *of_angles, *own_bones, *known.texts])
 
 
 def _print_results(result: Merged, work: Work, known: Known, *, tables: bool) -> None:
@@ -163,7 +165,7 @@ def _print_results(result: Merged, work: Work, known: Known, *, tables: bool) ->
     if work.people is not None:
         print_own_bones(console, result.parameters)
     say_known(known)
-    if OBJECTIVES[work.reading].landmarks:
+    if OBJECTIVES[work.objective].landmarks:
         print_without_landmarks(console, result.parameters)
     print_verdicts(console, result.parameters, result.heldout, result.summary)
 

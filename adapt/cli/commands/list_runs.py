@@ -12,7 +12,7 @@ from adapt.output.run_files import inputs_record, results_folder, transaction, w
 from models import load_model, model_names
 from models.effects import EFFECTS, Effect
 from models.effects.amplitudes import OPTION, effect_named
-from models.effects.course import FULL_ELEVATION_DEG, OverElevation
+from models.effects.basis import FULL_ELEVATION_DEG, OverElevation
 from motions import write_motions
 
 NO_UNIT = "1"
@@ -65,7 +65,7 @@ def _places(effect: Effect) -> str:
 
 def _unit(effect: Effect) -> str:
     """Write the unit of an amplitude in words, with the elevation at which an amplitude over elevation holds."""
-    over = isinstance(effect.course, OverElevation)
+    over = isinstance(effect.basis, OverElevation)
     if effect.unit == NO_UNIT:
         return "no unit"
     if effect.unit.startswith("of "):

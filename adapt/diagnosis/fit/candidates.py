@@ -104,7 +104,7 @@ class Candidates:
         end = 0
         for effect in self.effects:
             own = self.places[effect.name]
-            start, end = end, end + effect.course.channels(len(effect.directions))
+            start, end = end, end + effect.basis.channels(len(effect.directions))
             found[..., own] = np.einsum("ric,kcr->rik", by_channel[..., start:end], self.columns[own, start:end])
         return found
 
@@ -129,9 +129,9 @@ class Candidates:
             if effect.name in known:
                 continue
             own = amplitude[place]
-            firsts = own[:: len(effect.course.sd)]
+            firsts = own[:: len(effect.basis.sd)]
             signs = np.array(effect.prior.sign or (0,) * len(firsts))
-            means = self.mean[self.places[effect.name]][:: len(effect.course.sd)]
+            means = self.mean[self.places[effect.name]][:: len(effect.basis.sd)]
             if (firsts * signs < _SHARE_OF_MEAN * means * np.abs(signs)).any():
                 return False
         return True

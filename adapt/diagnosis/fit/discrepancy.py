@@ -6,7 +6,7 @@ In each of the three constraints, y of the rows r and r' has the covariance
     own    = of_motion^2     near_motion + of_shoulder^2 near
     common = common_motion^2 near_motion + common^2      near
 
-The kernel near = (1 + d) exp(-d), ``d = sqrt(3) |elevation - elevation'| / length``, describes a course that may bend
+The kernel near = (1 + d) exp(-d), ``d = sqrt(3) |elevation - elevation'| / length``, describes a curve that may bend
 anywhere but has no corners (Matern 3/2: Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, eq. 4.17).
 A smoother kernel takes the least difference between neighbours for evidence: a tenth of a degree of noise then changes
 half the names. The kernel near_motion is 0 between kinds of motion; where elevation hardly changes along a motion, the
@@ -197,7 +197,7 @@ def _alike(
     shoulders: Shoulders, own: Int[np.ndarray, " own"], length_deg: float
 ) -> tuple[Float[np.ndarray, "own own"], Float[np.ndarray, "own own"]]:
     """Compute the kernels near and near_motion of the rows of one shoulder."""
-    elevation, along = shoulders.course_deg[:, own]
+    elevation, along = shoulders.coordinates_deg[:, own]
     near = _near(elevation, elevation, length_deg)
     of_motion = near * _near(along, along, length_deg) * _same(shoulders.motion[own], shoulders.motion[own])
     return near, of_motion
@@ -211,7 +211,7 @@ def _curves(
     The covariance is interpolated between support points. Curves with less than ``least`` of the largest variance are
     left out.
     """
-    elevation, along = shoulders.course_deg
+    elevation, along = shoulders.coordinates_deg
     every = np.stack([elevation, along, shoulders.motion])
     points = np.unique(np.round(every / [[_STEP_DEG], [_STEP_DEG], [1.0]]), axis=1) * [[_STEP_DEG], [_STEP_DEG], [1.0]]
     typical, covariance = (common(points, points, one) for one in (TYPICAL, discrepancy))

@@ -57,7 +57,7 @@ class Shoulders:
         return np.flatnonzero((self.subject == subject) & (True if motion is None else self.motion == motion))
 
     @cached_property
-    def course_deg(self) -> Float[np.ndarray, "2 rows"]:
+    def coordinates_deg(self) -> Float[np.ndarray, "2 rows"]:
         """Coordinates of each posture along its motion: elevation of the arm, and 10 times the number of the posture in
         kinds of motion that hardly change elevation or have none (0 in others)."""
         elevation = self.motions.humerus_elevation_deg

@@ -17,7 +17,7 @@ from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.evaluation.covariance import NORMAL_95
 from models.effects import Effect
 from models.effects.amplitudes import rounded
-from models.effects.course import root_mean_square
+from models.effects.basis import root_mean_square
 
 _DRAWS, _SEED = 400, 5
 
@@ -40,8 +40,8 @@ def amplitudes(search: Search, hypothesis: Hypothesis, seen: Collection[str]) ->
         draws = draws_shown(search, shown, effect.name) if shown and effect.name in shown.names else None
         draws = draws_of(search, effect.name) if draws is None else draws
         a = draws.mean(axis=0)
-        columns = effect.course.strengths(count, shoulders.motions)
-        felt = effect.course.felt(count, shoulders.motions)
+        columns = effect.basis.strengths(count, shoulders.motions)
+        felt = effect.basis.felt(count, shoulders.motions)
         shares = share_of(np.array([one[effect.name] for one in sizes]), a, columns)
         found[effect.name] = replace(
             _described(effect, a, draws, columns, felt, candidates),
@@ -110,7 +110,7 @@ def amplitude_without_size(effect: Effect) -> CauseAmplitude:
     typical = float(np.linalg.norm(effect.prior.scale))
     directions = dict.fromkeys(effect.directions, unknown)
     return CauseAmplitude(
-        effect.name, effect.what, effect.course.word, effect.size_unit, unknown, typical, directions, None
+        effect.name, effect.what, effect.basis.word, effect.size_unit, unknown, typical, directions, None
     )
 
 
@@ -124,7 +124,7 @@ def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
 
 
 def _described(effect: Effect, value, draws, columns, felt, candidates: Candidates) -> CauseAmplitude:
-    terms = len(effect.course.sd)
+    terms = len(effect.basis.sd)
     scale = candidates.scale[candidates.places[effect.name]]
     mean = candidates.mean[candidates.places[effect.name]]
     typical = np.linalg.norm(np.hypot(scale, mean) * root_mean_square(felt))
@@ -138,7 +138,7 @@ def _described(effect: Effect, value, draws, columns, felt, candidates: Candidat
     return CauseAmplitude(
         effect=effect.name,
         what=effect.what,
-        course=effect.course.word,
+        basis=effect.basis.word,
         unit=effect.size_unit,
         size=Interval(size, float(low), float(high)),
         typical=float(typical),

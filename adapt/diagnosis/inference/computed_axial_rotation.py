@@ -5,7 +5,7 @@ SC and AC joints least from rest, or the AC joint alone (van der Helm & Pronk 19
 and any rest, the computed rotation is a function of the angles in the file, including their noise; a measured rotation
 has noise of its own.
 
-Third differences D along the motions remove smooth courses (``fit.noise``), and for the axial rotation c
+Third differences D along the motions remove smooth changes (``fit.noise``), and for the axial rotation c
 
     D c = D p(a) + e,   p a polynomial of second order in the other five angles a, the same for all subjects
 
@@ -17,7 +17,7 @@ rejected at 1 % by
 
 n: rows less coefficients; k = 0.36, because the differences overlap. A rotation that is the same in all postures counts
 as computed too. The test cannot detect a rule that was applied to noise-free or smoothed angles where the file has
-other angles; a rotation that got noise afterwards; a computed rotation where a course with corners, rougher than the
+other angles; a rotation that got noise afterwards; a computed rotation where a curve with corners, rougher than the
 noise, was added to the other angles afterwards; or a computed rotation in fewer than some 30 postures (the polynomial
 has 20 coefficients). A computed rotation may differ from the bone's rotation by a constant alone, so no gap shows that
 it is an estimate.

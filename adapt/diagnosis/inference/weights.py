@@ -28,7 +28,7 @@ class Weights:
 
     @cached_property
     def inclusion(self) -> dict[str, float]:
-        """Inclusion probability of every cause, with any course; the most probable first."""
+        """Inclusion probability of every cause, with any basis; the most probable first."""
         found = dict.fromkeys(self.cause.values(), 0.0)
         for hypothesis, probability in self.probability.items():
             for cause in dict.fromkeys(self.cause[name] for name in hypothesis):

@@ -18,7 +18,7 @@ from adapt.diagnosis.texts.wording import (
 )
 from models.effects import EFFECTS
 from models.effects.amplitudes import PersonalSize
-from models.effects.course import FULL_ELEVATION_DEG, OverElevation
+from models.effects.basis import FULL_ELEVATION_DEG, OverElevation
 from models.effects.effect import cause_of
 
 _MOST = 0.5
@@ -65,7 +65,7 @@ def cause_sentence(diagnosis: Diagnosis, cause: Cause) -> str:
     names, typical = cause_names(cause), with_unit(number(one.typical), one.unit)
     said = [
         f"{_does(one, diagnosis.highest_elevation_deg)} ({names[0]}).",
-        f"Size {amplitude_text(one)}{', root mean square over the postures' * bool(one.course)}; typical is {typical}.",
+        f"Size {amplitude_text(one)}{', root mean square over the postures' * bool(one.basis)}; typical is {typical}.",
         _takes(diagnosis, names[0]),
         f"Tested on {listed([_TESTED[kind] for kind in cause.tested_on], 'and')}." if cause.tested_on else "",
         f"These data cannot tell it from {listed(names[1:], 'or')}." if names[1:] else "",
@@ -84,7 +84,7 @@ def _does(one: CauseAmplitude, highest_deg: float) -> str:
         size, values = peak
         raised = f"while the arm rises to {highest_deg:.0f} degrees"
         return f"{_capital(plain)}: up to {with_unit(number(size), one.unit)}{_mostly(values)}, {raised}"
-    how = f", with the {one.course}" if one.course and not _mostly(values) else "" if one.course else ", a constant"
+    how = f", with the {one.basis}" if one.basis and not _mostly(values) else "" if one.basis else ", a constant"
     return f"{_capital(plain)}: {with_unit(number(one.size.value), one.unit)}{how}{_mostly(values)}"
 
 
@@ -95,13 +95,13 @@ def _capital(text: str) -> str:
 def _largest(one: CauseAmplitude, highest_deg: float) -> tuple[float, dict[str, float]] | None:
     """Compute the largest strength up to the highest elevation, and its components; None for another basis or unit."""
     effect = EFFECTS.get(one.effect)
-    if effect is None or not isinstance(effect.course, OverElevation) or effect.strength_unit:
+    if effect is None or not isinstance(effect.basis, OverElevation) or effect.strength_unit:
         return None
     if not math.isfinite(highest_deg) or one.amplitude is None or isinstance(one.amplitude, str):
         return None
     given = one.amplitude.mean if isinstance(one.amplitude, PersonalSize) else one.amplitude
     by_direction = np.asarray(given, float).reshape(len(effect.directions), -1)
-    terms = effect.course.terms(np.linspace(0.0, min(highest_deg, FULL_ELEVATION_DEG), _STEPS))
+    terms = effect.basis.terms(np.linspace(0.0, min(highest_deg, FULL_ELEVATION_DEG), _STEPS))
     strength = by_direction @ terms[: by_direction.shape[1]]
     best = int(np.linalg.norm(strength, axis=0).argmax())
     components = dict(zip(effect.directions, strength[:, best].tolist(), strict=True))

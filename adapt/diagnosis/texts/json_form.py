@@ -94,7 +94,7 @@ def _verdict(diagnosis: Diagnosis) -> JsonObject:
 def _amplitude(amplitude: CauseAmplitude) -> JsonObject:
     return {
         "what": amplitude.what,
-        "course": amplitude.course,
+        "basis": amplitude.basis,
         "unit": amplitude.unit,
         **amplitude.size._asdict(),
         "typical": amplitude.typical,

@@ -49,7 +49,7 @@ class Work:
 
     models: tuple[AnyModel, ...]
     weight: float
-    reading: str
+    objective: str
     shown: frozenset[str]
     """Subjects of the report."""
     held_out: frozenset[str]
@@ -68,7 +68,7 @@ class Work:
             motions,
             self.models,
             self.weight,
-            self.reading,
+            self.objective,
             held_out=self.held_out,
             dtype=dtype,
             effects=self.effects,

@@ -250,7 +250,7 @@ def _closing_kernel(effects: tuple[Effect, ...]) -> Kernel:
 
 def channels(effects: tuple[Effect, ...]) -> list[int]:
     """List the bounds between the strengths of successive effects: 0, then the end of each effect."""
-    return [0, *np.cumsum([one.course.channels(len(one.directions)) for one in effects], dtype=int).tolist()]
+    return [0, *np.cumsum([one.basis.channels(len(one.directions)) for one in effects], dtype=int).tolist()]
 
 
 def _constraints(effects: tuple[Effect, ...], girdle: Girdle, known_strengths) -> Callable[..., Array]:

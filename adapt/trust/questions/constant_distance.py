@@ -2,7 +2,7 @@
 
 The bones are placed by the measured angles, whether the chain closes or not: the distances that A1 and A2 of Eq. 6.2
 hold constant are computed, not enforced. Noise of the angles alone also makes the distances vary, even in postures that
-the chain can take: :func:`noise_courses` simulates this variation.
+the chain can take: :func:`noise_over_elevation` simulates this variation.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ POINTS = ("TS", "AI")
 
 
 @dataclass(frozen=True)
-class DistanceCourse:
+class DistanceOverElevation:
     """Statistics of the distances of ``POINTS`` to the ellipsoid per subject; the axis ``repeats`` is optional."""
 
     mean_mm: Float[np.ndarray, "2 subjects *repeats"]
@@ -36,19 +36,19 @@ def thorax_distances_mm(girdle: Girdle, angles: Float[np.ndarray, " 6 *batch"]) 
     return np.stack([np.asarray(one) for one in points])
 
 
-def distance_courses(
+def distances_over_elevation(
     distances_mm: Float[np.ndarray, "2 postures *repeats"],
     subject: Shaped[np.ndarray, " postures"],
     motion: Shaped[np.ndarray, " postures"],
     elevation_deg: Float[np.ndarray, " postures"],
-) -> DistanceCourse:
+) -> DistanceOverElevation:
     """Compute mean, SD and slope of each subject, in the order of first appearance."""
     parts = []
     for name in dict.fromkeys(subject.tolist()):
         mine = distances_mm[:, subject == name]
         slope = _slope_within(mine, motion[subject == name], elevation_deg[subject == name])
         parts.append((mine.mean(axis=1), mine.std(axis=1, ddof=1), slope))
-    return DistanceCourse(*(np.stack(one, axis=1) for one in zip(*parts, strict=True)))
+    return DistanceOverElevation(*(np.stack(one, axis=1) for one in zip(*parts, strict=True)))
 
 
 def _slope_within(values, motion, elevation_deg) -> Float[np.ndarray, " 2 *repeats"]:
@@ -61,7 +61,7 @@ def _slope_within(values, motion, elevation_deg) -> Float[np.ndarray, " 2 *repea
     return np.tensordot(values, lever, axes=([1], [0])) / squares
 
 
-def noise_courses(
+def noise_over_elevation(
     girdle: Girdle,
     closed: Float[np.ndarray, "6 postures"],
     noise_deg: float,
@@ -70,7 +70,7 @@ def noise_courses(
     elevation_deg: Float[np.ndarray, " postures"],
     repeats: int,
     seed: int,
-) -> DistanceCourse:
+) -> DistanceOverElevation:
     """Compute the statistics that noise alone gives, from simulated measurements of closed postures (rad).
 
     Every angle has an independent Gaussian error of SD ``noise_deg``. ``girdle`` has one element per posture.
@@ -78,4 +78,4 @@ def noise_courses(
     generator = np.random.Generator(np.random.PCG64(seed))
     errors = noise_deg / DEG * generator.standard_normal((repeats, *closed.shape))
     found = [thorax_distances_mm(girdle, closed + one) for one in errors]
-    return distance_courses(np.stack(found, axis=-1), subject, motion, elevation_deg)
+    return distances_over_elevation(np.stack(found, axis=-1), subject, motion, elevation_deg)

@@ -3,7 +3,12 @@
 import numpy as np
 
 from adapt.trust.questions.answer import DISTANCE, Answer, Collector
-from adapt.trust.questions.constant_distance import POINTS, distance_courses, noise_courses, thorax_distances_mm
+from adapt.trust.questions.constant_distance import (
+    POINTS,
+    distances_over_elevation,
+    noise_over_elevation,
+    thorax_distances_mm,
+)
 from adapt.trust.questions.persons import AdaptedRows, Interval, Persons, closest
 
 REPEATS, SEED = 200, 7
@@ -24,16 +29,16 @@ def distance_answers(data: AdaptedRows, persons: Persons, noise_deg: float) -> l
     by = motions.subject, motions.motion, motions.humerus_elevation_deg
     for state, theta in (("as it is", None), ("adapted", data.adapted_mm)):
         girdle = data.girdle(theta)
-        courses = distance_courses(thorax_distances_mm(girdle, data.angles), *by)
+        over_elevation = distances_over_elevation(thorax_distances_mm(girdle, data.angles), *by)
         closed = closest(girdle, data.angles)
-        noise = noise_courses(girdle, closed, noise_deg, *by, repeats=REPEATS, seed=SEED)
+        noise = noise_over_elevation(girdle, closed, noise_deg, *by, repeats=REPEATS, seed=SEED)
         for k, point in enumerate(POINTS):
-            case, sd, sds = f"{point}, {state}", courses.sd_mm[k], noise.sd_mm[k]
-            found.add(case, "mean distance", "mm", courses.mean_mm[k])
+            case, sd, sds = f"{point}, {state}", over_elevation.sd_mm[k], noise.sd_mm[k]
+            found.add(case, "mean distance", "mm", over_elevation.mean_mm[k])
             found.add(case, SPREAD, "mm", sd)
             found.add_interval(case, BY_NOISE, "mm", _band(persons, sds))
             found.add(case, "noise that gives this SD", "deg", noise_deg * sd / sds.mean(axis=-1))
-            found.add(case, CHANGE, "mm", _FULL_MOTION_DEG * courses.slope_mm_per_deg[k])
+            found.add(case, CHANGE, "mm", _FULL_MOTION_DEG * over_elevation.slope_mm_per_deg[k])
             found.add_interval(
                 case, CHANGE_BY_NOISE, "mm", _band(persons, _FULL_MOTION_DEG * noise.slope_mm_per_deg[k])
             )

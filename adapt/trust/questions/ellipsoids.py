@@ -25,7 +25,7 @@ WITHOUT, WITH_MEAN, WITH_LINE = "adapted without the motion", "+ mean change", "
 
 _LEAST_AXIS_MM = 1.0
 
-Course = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Predictor = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Function from the changes (adapted, fitted rows), the elevations of the fitted rows and those of the tested rows to
 the changes of the tested rows."""
 
@@ -95,8 +95,8 @@ def line_over_elevation(change, seen_deg, elevation_deg) -> np.ndarray:
 def _add_held_out(found: Collector, label: str, data: AdaptedRows, persons: Persons, of_mm) -> None:
     """Add the gap on held-out motions: adapted without them, and with changes predicted from the other motions."""
     changes = changes_of_others(data, of_mm)
-    courses: dict[str, Course | None] = {WITHOUT: None, WITH_MEAN: mean_change, WITH_LINE: line_over_elevation}
-    gaps = {name: held_out_gaps_deg(data, changes, course) for name, course in courses.items()}
+    predictors: dict[str, Predictor | None] = {WITHOUT: None, WITH_MEAN: mean_change, WITH_LINE: line_over_elevation}
+    gaps = {name: held_out_gaps_deg(data, changes, predictor) for name, predictor in predictors.items()}
     for bone in ("scapula", "clavicle"):
         values = {name: persons.by_subject(one[:, BONES[bone]].mean(axis=1)) for name, one in gaps.items()}
         for name, value in values.items():
@@ -117,20 +117,20 @@ def changes_of_others(data: AdaptedRows, of_mm: np.ndarray) -> list[np.ndarray]:
 
 
 def held_out_gaps_deg(
-    data: AdaptedRows, changes: Sequence[np.ndarray], course: Course | None
+    data: AdaptedRows, changes: Sequence[np.ndarray], predictor: Predictor | None
 ) -> Float[np.ndarray, "rows 6"]:
     """Compute |simulated - measured| of every row with the row's motion held out; NaN where that is not possible."""
     theta = data.without_mm.copy()
     for one, change in zip(data.held_out_motions, changes, strict=True):
-        if course is not None:
-            theta[:, one.tested] += predicted_change(data, one, change, course)
+        if predictor is not None:
+            theta[:, one.tested] += predicted_change(data, one, change, predictor)
     lengths = np.array([parameter.is_length for parameter in ADAPTED_PARAMETERS])[:, None]
     theta = np.where(lengths, np.maximum(theta, _LEAST_AXIS_MM), theta)
     fitted = closest(data.girdle(theta), data.angles)
     return np.abs(fitted - data.angles).T * DEG
 
 
-def predicted_change(data: AdaptedRows, one: HeldOutMotion, change, course: Course) -> np.ndarray:
-    """Predict the changes of a held-out motion from the known changes, by ``course``."""
+def predicted_change(data: AdaptedRows, one: HeldOutMotion, change, predictor: Predictor) -> np.ndarray:
+    """Predict the changes of a held-out motion from the known changes, by ``predictor``."""
     elevation, known = data.motions.humerus_elevation_deg, np.isfinite(change).all(axis=0)
-    return course(change[:, known], elevation[one.fitted[known]], elevation[one.tested])
+    return predictor(change[:, known], elevation[one.fitted[known]], elevation[one.tested])

@@ -117,8 +117,8 @@ def _solve(V: Float[np.ndarray, "3 3 postures"], b: Float[np.ndarray, "3 *column
     return np.moveaxis(solved if b.ndim == 3 else solved[..., 0], 0, -1)
 
 
-def smooth_share(course: Float[np.ndarray, "numbers rows"], sequences: Iterable[Int[np.ndarray, " chosen"]]) -> float:
-    """Compute the smooth share of a course's variance along sequences of rows: 1 - rough^2 / variance.
+def smooth_share(numbers: Float[np.ndarray, "numbers rows"], sequences: Iterable[Int[np.ndarray, " chosen"]]) -> float:
+    """Compute the smooth share of the variance along sequences of rows: 1 - rough^2 / variance.
 
     The rough part is estimated from third differences. For independent numbers it is the whole variance, so that the
     smooth share is 0 except by chance; for a parabola it is 0, so that the smooth share is 1. Rows with NaN and
@@ -126,7 +126,7 @@ def smooth_share(course: Float[np.ndarray, "numbers rows"], sequences: Iterable[
     """
     rough, variance = 0.0, 0.0
     for rows in sequences:
-        part = course[:, rows[np.isfinite(course[:, rows]).all(axis=0)]]
+        part = numbers[:, rows[np.isfinite(numbers[:, rows]).all(axis=0)]]
         if part.shape[1] >= _FEWEST_ROWS:
             rough += len(rows) * float((np.diff(part, 3, axis=1) ** 2).mean()) / _THIRD_DIFFERENCES
             variance += len(rows) * float(part.var(axis=1, ddof=1).mean())

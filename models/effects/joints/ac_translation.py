@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from models.effects.course import ELEVATION
+from models.effects.basis import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -18,7 +18,7 @@ EFFECT = Effect(
     what="AC centre moves in the clavicle with elevation",
     unit="mm",
     directions=("along", "up", "back"),
-    course=ELEVATION,
+    basis=ELEVATION,
     may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from models.effects.course import LATE
+from models.effects.basis import LATE
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -18,7 +18,7 @@ EFFECT = Effect(
     what="conoid length changes with elevation",
     unit="mm",
     directions=("length",),
-    course=LATE,
+    basis=LATE,
     may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from models.effects.course import ELEVATION
+from models.effects.basis import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -18,7 +18,7 @@ EFFECT = Effect(
     what="SC centre moves in the thorax with elevation",
     unit="mm",
     directions=("lateral", "up", "back"),
-    course=ELEVATION,
+    basis=ELEVATION,
     may_follow=("clavicle_y", "clavicle_z"),
     adjust=_adjust,
     prior=EffectPrior(

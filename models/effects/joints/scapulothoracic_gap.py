@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from models.effects.course import ELEVATION
+from models.effects.basis import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -19,7 +19,7 @@ EFFECT = Effect(
     what="TS and AI distance to the thorax change with elevation",
     unit="mm",
     directions=("TS", "AI"),
-    course=ELEVATION,
+    basis=ELEVATION,
     may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(

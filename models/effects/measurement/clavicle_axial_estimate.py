@@ -5,7 +5,7 @@ shoulders with bone pins and of one published mean (Moissenet 2023, Oki 2012) ha
 the first, another mean (Ludewig 2009) one of -0.1 to -0.2. The straight line f has 0 and f^2 has -0.25.
 """
 
-from models.effects.course import LATE
+from models.effects.basis import LATE
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -27,7 +27,7 @@ EFFECT = Effect(
     what="the clavicle's axial rotation as measured is an estimate that lags",
     unit="deg",
     directions=("axial",),
-    course=LATE,
+    basis=LATE,
     adjust=_adjust,
     prior=EffectPrior(
         scale=(5.0,),

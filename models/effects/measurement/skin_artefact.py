@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from models.effects.course import Varying
+from models.effects.basis import Varying
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -123,7 +123,7 @@ EFFECT = Effect(
     unit="of the measured lag",
     strength_unit="deg",
     directions=("share",),
-    course=MeasuredLag(),
+    basis=MeasuredLag(),
     adjust=_adjust,
     prior=EffectPrior(
         scale=(SIZE_DEG,),

@@ -6,7 +6,7 @@ all above 90 deg, and may show too much tipping (Meskers et al. 2007, van Andel 
 
 from dataclasses import replace
 
-from models.effects.course import OverElevation
+from models.effects.basis import OverElevation
 from models.effects.measurement import skin_artefact
 from models.effects.prior import EffectPrior
 
@@ -21,7 +21,7 @@ EFFECT = replace(
     unit="deg",
     strength_unit="",
     directions=("about x", "about y", "about z"),
-    course=BENT,
+    basis=BENT,
     prior=EffectPrior(
         scale=(2.8, 1.9, 3.0),
         sign=(0, 0, 1),

@@ -1,6 +1,6 @@
 """The thorax frame turns as the arm is raised, because the spine extends: both bones seem to turn by this rotation."""
 
-from models.effects.course import ELEVATION
+from models.effects.basis import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -21,7 +21,7 @@ EFFECT = Effect(
     what="the thorax frame turns with elevation, both bones alike",
     unit="deg",
     directions=("about x", "about y", "about z"),
-    course=ELEVATION,
+    basis=ELEVATION,
     may_follow=("scapula_z",),
     adjust=_adjust,
     turns_thorax_about="IJ",

@@ -17,7 +17,7 @@ import pandas as pd
 
 from models.parameter_sets import FOLDER
 from motions import ANGLES, Motions, read_motions
-from motions.checks.signs import courses_of, exchanged, wrong_signs
+from motions.checks.signs import exchanged, rest_and_change, wrong_signs
 from motions.rhythm_subjects import simulate_subjects
 from scripts.research.named_causes.synthetic_a import make_world
 from scripts.research.named_causes.synthetic_b.worlds import Case, write_case
@@ -64,9 +64,9 @@ def judged(people: Iterable[Motions]) -> dict[str, int]:
     """Count the people with a warning and, for each reversed angle, the people without a warning."""
     count, warned, turned, missed = 0, 0, 0, dict.fromkeys(ANGLES, 0)
     for one in people:
-        courses = courses_of(one)
-        signs = wrong_signs(courses)
-        count, warned = count + 1, warned + bool(signs or exchanged(courses, signs))
+        low_and_change = rest_and_change(one)
+        signs = wrong_signs(low_and_change)
+        count, warned = count + 1, warned + bool(signs or exchanged(low_and_change, signs))
         for k, angle in enumerate(ANGLES):
             if np.nanmax(np.abs(2.0 * one.angles_deg[:, k])) > LARGE_DEG:
                 flip = np.where(np.arange(6) == k, -1.0, 1.0)
@@ -76,7 +76,7 @@ def judged(people: Iterable[Motions]) -> dict[str, int]:
 
 
 def _named(motions: Motions) -> set[str]:
-    return {one.angle for one in wrong_signs(courses_of(motions))}
+    return {one.angle for one in wrong_signs(rest_and_change(motions))}
 
 
 def main() -> None:

@@ -88,14 +88,14 @@ def true_sizes(truth: dict[str, Any], motions: Motions, found: Diagnosis) -> dic
     The library's basis is fitted to the true strengths of each subject by least squares; the size is the first
     amplitude of each direction, averaged over the subjects.
     """
-    courses = {cause_of(name): EFFECTS.get(name) for name in found.effects}
+    bases = {cause_of(name): EFFECTS.get(name) for name in found.effects}
     of_subjects: dict[str, list[dict[str, float]]] = {}
     for subject, effects in truth.get("strengths", {}).items():
         if subject in found.subjects:
             own = motions.select(motions.subject == subject)
-            for name in courses.keys() & effects:
-                if (course := courses[name]) and effects[name].keys() >= set(course.directions):
-                    of_subjects.setdefault(name, []).append(_nearest_amplitudes(course, effects[name], own))
+            for name in bases.keys() & effects:
+                if (effect := bases[name]) and effects[name].keys() >= set(effect.directions):
+                    of_subjects.setdefault(name, []).append(_nearest_amplitudes(effect, effects[name], own))
     return {name: pd.DataFrame(each).mean().to_dict() for name, each in of_subjects.items()}
 
 
@@ -103,7 +103,7 @@ def _nearest_amplitudes(effect: Effect, strength: dict[str, list[float]], own: M
     columns = effect.columns(own)
     by_posture = np.array([strength[direction] for direction in effect.directions])
     amplitude, *_ = np.linalg.lstsq(columns.reshape(len(columns), -1).T, by_posture.ravel(), rcond=None)
-    return dict(zip(effect.directions, amplitude[:: len(effect.course.sd)].tolist(), strict=True))
+    return dict(zip(effect.directions, amplitude[:: len(effect.basis.sd)].tolist(), strict=True))
 
 
 def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) -> float:

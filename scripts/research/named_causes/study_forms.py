@@ -27,7 +27,7 @@ from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.search import Node, Search, search_of
 from models import load_model
 from models.effects import EFFECTS, Effect
-from models.effects.course import Course
+from models.effects.basis import Basis
 from models.effects.effect import cause_of
 from models.effects.prior import EffectPrior
 from motions import Motions, read_motions
@@ -41,7 +41,7 @@ TRUE = "as it truly is"
 
 
 @dataclass(frozen=True, eq=False)
-class AsItIs(Course):
+class AsItIs(Basis):
     """A basis with one amplitude: a factor on strengths that are known in every posture."""
 
     word: str = TRUE
@@ -120,10 +120,10 @@ def true_effect(truth: dict, motions: Motions) -> Effect:
         by_subject[subject].iloc[kinds.index(kind) * postures[subject] + int(posture) - 1]
         for subject, kind, posture in zip(motions.subject, motions.motion, motions.posture, strict=True)
     ]
-    course = AsItIs(known=np.transpose(strengths))
-    size = float(np.hypot(1.0, SHARE_SD) * course.rms(1, motions)[0])
+    basis = AsItIs(known=np.transpose(strengths))
+    size = float(np.hypot(1.0, SHARE_SD) * basis.rms(1, motions)[0])
     prior = EffectPrior(scale=(size,), mean=1.0 / SHARE_SD, source=TRUE)
-    return replace(effect, name=TRUE, directions=("share",), course=course, prior=prior)
+    return replace(effect, name=TRUE, directions=("share",), basis=basis, prior=prior)
 
 
 def fitted(search: Search, hypothesis: Hypothesis) -> Node:

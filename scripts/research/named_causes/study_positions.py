@@ -85,7 +85,7 @@ def predicted(search: Search, sizes: Sizes) -> tuple[Float[np.ndarray, "rows n"]
             a, fitted, tested = sizes(evidence, of, subject), own[seen[own]], own[~seen[own]]
             left[tested] = _with_constants(rows, rows.values_mm + rows.by_amplitude @ a, fitted, tested)
             for k, (effect, place) in enumerate(candidates.slices(JOINTS)):
-                columns = effect.course.strengths(len(effect.directions), shoulders.motions)
+                columns = effect.basis.strengths(len(effect.directions), shoulders.motions)
                 movement[k][:, tested] = np.einsum("a,acp->cp", a[place], columns[..., tested])
     return left, movement
 

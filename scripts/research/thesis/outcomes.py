@@ -167,7 +167,7 @@ def _adapted(data: Problems, variant: Variant, before: _Fit) -> _Fit:
     """Adapt; with w = 0 the unadapted fit remains, since only J moves ellipsoid and conoid away from their start."""
     if variant.weight == 0.0:
         return before
-    found = adapt_batch(data, variant.weight, variant.reading)
+    found = adapt_batch(data, variant.weight, variant.objective)
     angles = found.angles
     if not data.measured[:, data.counted].all():
         angles = _postures(data, found.theta_mm).angles.reshape(angles.shape)

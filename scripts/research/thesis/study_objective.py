@@ -47,12 +47,12 @@ app = typer.Typer(add_completion=False)
 def choices() -> dict[str, dict[str, Variant]]:
     """Return the variants of each choice by their label."""
     return {
-        "reading": {name: Variant(reading=name) for name, one in OBJECTIVES.items() if not one.landmarks},
+        "reading": {name: Variant(objective=name) for name, one in OBJECTIVES.items() if not one.landmarks},
         "weight": {f"w = {weight:g}": Variant(weight=weight) for weight in WEIGHTS},
         "angles in J": {name: Variant(axial=name) for name in AXIAL},
         "five angles, reading": {
             # Iterated readings would take another ten minutes: with five angles E is often flat in the conoid length.
-            name: Variant(reading=name, axial=LEFT_OUT)
+            name: Variant(objective=name, axial=LEFT_OUT)
             for name, one in OBJECTIVES.items()
             if one.form == "squares" and name != DEFAULT_OBJECTIVE and not one.landmarks
         },

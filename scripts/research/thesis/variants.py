@@ -45,7 +45,7 @@ the ellipsoid from one side to the other, so all postures of a subject have the 
 class Variant:
     """One combination of all choices; the default values are as shipped."""
 
-    reading: str = DEFAULT_OBJECTIVE
+    objective: str = DEFAULT_OBJECTIVE
     weight: float = WEIGHT
     axial: str = MEASURED
     points: str = "all"

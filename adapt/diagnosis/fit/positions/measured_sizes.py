@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.shoulders import Shoulders
 from models.effects import Effect
-from models.effects.course import CONSTANT
+from models.effects.basis import CONSTANT
 from models.girdle import Girdle
 from models.person.positions.landmark_numbers import MEASURED, LandmarkNumbers, numbers_of
 from motions.arrays import Array
@@ -66,7 +66,7 @@ def _numbers_of(motions: Motions) -> LandmarkNumbers:
 
 def _resizes(effect: Effect, girdle: Girdle) -> bool:
     """Check whether an effect changes the numbers that landmarks measure, by a constant."""
-    if effect.course is not CONSTANT:
+    if effect.basis is not CONSTANT:
         return False
     rotation = _NO_ROTATION[..., None]
     changed, _ = effect.adjust(girdle, (rotation, rotation), np.zeros((len(effect.directions), 1)))

@@ -25,7 +25,7 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
 from adapt.evaluation.person_constants import Places, columns_of, place_slopes, prior_of
 from models.effects import ActiveEffects, Effect
-from models.effects.course import CONSTANT
+from models.effects.basis import CONSTANT
 from models.effects.extended_girdle import NO_ACTIVE_EFFECTS
 from models.girdle import Girdle, bone_rotations
 from models.person.family import AnyModel
@@ -198,7 +198,7 @@ def _laid_out(
 
 def _are_candidates(candidates: Candidates, count: int) -> Bool[np.ndarray, " sizes"]:
     """Mark the sizes of a person that a candidate changes in all persons alike."""
-    tried = {candidates.causes[effect.name] for effect in candidates.effects if effect.course is CONSTANT}
+    tried = {candidates.causes[effect.name] for effect in candidates.effects if effect.basis is CONSTANT}
     of_sizes = [any(name.startswith(start) and _COMMON_OF[start] in tried for start in _COMMON_OF) for name in NAMES]
     return np.array(of_sizes + [False] * (count - len(of_sizes)))
 
@@ -252,10 +252,10 @@ class Seen:
         found = []
         for effect in effects:
             if not effect.moves_landmarks:
-                count = effect.course.channels(len(effect.directions))
+                count = effect.basis.channels(len(effect.directions))
                 found += count * [np.zeros((angles.shape[1], 3 * len(self.names)))]
                 continue
-            for step in _STEP * np.eye(effect.course.channels(len(effect.directions))):
+            for step in _STEP * np.eye(effect.basis.channels(len(effect.directions))):
                 there, back = (
                     self.from_carriers(angles, ActiveEffects((np.outer(one, np.ones(angles.shape[1])),), (effect,)))
                     for one in (step, -step)

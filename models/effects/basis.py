@@ -12,7 +12,7 @@ FULL_ELEVATION_DEG = 150.0
 
 
 @dataclass(frozen=True)
-class Course:
+class Basis:
     """Basis that turns amplitudes into strengths. The base class is constant: the strength is the amplitude."""
 
     sd: tuple[float, ...] = (1.0,)
@@ -47,7 +47,7 @@ def root_mean_square(felt: Float[np.ndarray, "*any components postures"]) -> Flo
 
 
 @dataclass(frozen=True)
-class Varying(Course):
+class Varying(Basis):
     """Basis that varies with the posture; its size leaves out the part that a constant of each subject explains."""
 
     least_rms: float = 0.0
@@ -96,6 +96,6 @@ class OverElevation(Varying):
         return every.reshape(directions * len(terms), directions, -1)
 
 
-CONSTANT = Course()
+CONSTANT = Basis()
 ELEVATION = OverElevation()
 LATE = OverElevation(late=True)
