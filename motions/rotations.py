@@ -34,10 +34,14 @@ def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *ba
 
     At |b| = pi/2 only a + c or a - c is determined (gimbal lock); no measured clavicle or scapula comes near this.
     """
-    a = xp.arctan2(-R[2, 0], R[0, 0])
-    b = xp.arctan2(R[1, 0], xp.hypot(R[0, 0], R[2, 0]))
-    c = xp.arctan2(-R[1, 2], R[1, 1])
-    return xp.stack([a, b, c])
+    return xp.stack([cardan_angle(R, number) for number in range(3)])
+
+
+def cardan_angle(R: Float[Array, " 3 3 *batch"], number: int) -> Float[Array, " *batch"]:
+    """Compute one of the three angles of :func:`cardan_from_rotation`: a, b or c, radians."""
+    if number == 1:
+        return xp.arctan2(R[1, 0], xp.hypot(R[0, 0], R[2, 0]))
+    return xp.arctan2(-R[2, 0], R[0, 0]) if number == 0 else xp.arctan2(-R[1, 2], R[1, 1])
 
 
 def rotate(R: Float[Array, " 3 3 *batch"], v: Float[Array, " 3 *#batch"]) -> Float[Array, " 3 *batch"]:

@@ -1,9 +1,11 @@
 """Posture fits after an adaptation, against its optimum."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from adapt import adapt_subjects
+from adapt import adapt_subjects, fit_postures
 from adapt.solvers import status
 from adapt.solvers.objective import WEIGHT
 from models import load_model
@@ -74,3 +76,14 @@ def test_where_e_does_not_hold_the_postures_they_are_fitted():
     assert set(result.parameters["status"]) == {status.OK}
     before, after = (np.asarray(result.fits["j_deg2"][result.fits["adapted"] == state]) for state in (0, 1))
     np.testing.assert_allclose(after, before, rtol=1e-6)
+
+
+def test_a_wrong_posture_leaves_the_fits_of_the_others():
+    """Check a scapula turned inside out by a typing error: the other postures of its motion keep their fits."""
+    motions, wrong, model = simulate_subjects(1, seed=1), 3, load_model("R2")
+    angles_deg = motions.angles_deg.copy()
+    angles_deg[wrong, 3] = -90.0
+    sound, found = (fit_postures(one, model).fits for one in (motions, replace(motions, angles_deg=angles_deg)))
+    assert found["jump"].any(), "the chain does not jump at the wrong posture: another case is needed"
+    others = np.arange(len(sound)) != wrong
+    np.testing.assert_allclose(found["j_deg2"][others], sound["j_deg2"][others], rtol=1e-6)
