@@ -93,9 +93,6 @@ def _adjust_followed(adjust: Adjust, strengths: Strengths) -> Adjust:
 
 
 def angle_from_rest(rotations: Rotations, angle: int) -> Float[Array, " *batch"]:
-    """Compute (q - q^0) / 30 deg for one of the Cardan angles q of the bones, by its number in ``ANGLES``.
-
-    The other angles are not computed: their derivatives took a fifth of the time of a diagnosis.
-    """
+    """Compute (q - q^0) / 30 deg for one of the Cardan angles q of the bones, by its number in ``ANGLES``."""
     bone, number = divmod(angle, 3)
     return (cardan_angle(rotations[bone], number) - REST_DEG[angle] / DEG) * (float(DEG) / UNIT_DEG)
