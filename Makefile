@@ -54,7 +54,7 @@ mutants: .venv/dev ## small faults put into the numerical core: which of them do
 recovery: .venv/runtime ## do the intervals of adapted parameters hold the truth? simulated subjects; prints its figures
 	$(BIN)/python scripts/research/trust/study_recovery.py
 
-heldout: .venv/runtime ## adapted to one motion, looked at on another; w by motions held out; of measured motions
+heldout: .venv/runtime ## adapted to one motion, tested on the other; w by held-out motions; of measured motions
 	$(BIN)/python scripts/research/trust/study_heldout.py $(MOTIONS) --weights
 
 sets: .venv/runtime ## what depends on the cadaver; of measured motions
@@ -66,7 +66,7 @@ completion: .venv/runtime ## how what is not printed of R2, R4 and R6 is best pl
 unpublished: .venv/runtime ## which unpublished number decides the thesis's tables: minutes; of measured motions
 	$(BIN)/python scripts/research/thesis/study_unpublished.py $(MOTIONS) $(MEANS)
 
-tables: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
+tables: .venv/runtime ## the thesis's tables beside ours, and which objective variant is the thesis's: minutes; of measured motions
 	$(BIN)/girdle compare $(MOTIONS) $(MEANS) --model R2 --model R4 --model R6 --out out/compare
 	$(BIN)/python scripts/research/thesis/study_objective.py $(MOTIONS) $(MEANS:--mean=--leave-out)
 

@@ -33,7 +33,7 @@ def measured(parser: argparse.ArgumentParser, files: Sequence[Path]) -> Motions:
     try:
         return read_motions(*files)
     except InputError as error:
-        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
+        parser.error(f"{error} The measured motions are not part of the project: docs/evidence.md has their source.")
 
 
 def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportReturnType=false
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Summarise a run of `girdle adapt` in one table, as in docs/results.md, from the folder that it wrote.
+"""Summarise a run of `girdle adapt` in one table, as in docs/research/trust.md, from the folder that it wrote.
 
     python scripts/summarise_gap.py results
 

@@ -81,7 +81,7 @@ def _say_angles(rows: pd.DataFrame) -> str:
     before, after = known["gap_before_deg"], known["gap_unseen_deg"]
     better = int((after < before).sum())
     use = "use the adapted model" if 2 * better > len(known) else "use the model as it is"
-    gap = f"the held-out gap goes from {before.mean():.1f} to {after.mean():.1f}°"
+    gap = f"the held-out gap goes from {before.mean():.1f}° before adaptation to {after.mean():.1f}°"
     return f"Angles: {use}; {gap}, smaller in {better} of {len(known)} subjects."
 
 

@@ -10,7 +10,7 @@ from documents import DOCUMENTS, FENCE, documents
 from scripts.reference import documented_names
 from scripts.rooms import PACKAGES, ROOT
 
-MOST_LINES_OF_README = 100
+MOST_LINES_OF_README = 93
 
 PUBLIC = (*PACKAGES, "adapt.report", "models.effects")
 """Packages whose exported names are public (docs/python.md)."""

@@ -18,6 +18,18 @@ def test_user_pages_are_a_few_hours_of_reading():
     assert words.word_count() <= words.MOST_WORDS
 
 
+def test_words_are_counted_as_wc_counts_them(tmp_path, monkeypatch):
+    """The marks of a table and the pages of the notebooks count too."""
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    (tmp_path / "docs" / "notebooks").mkdir(parents=True)
+    (tmp_path / "docs" / "research").mkdir()
+    (tmp_path / "README.md").write_text("| two | words |\n|---|---|\n", encoding="utf-8")
+    (tmp_path / "docs" / "page.md").write_text("# One\n\na + b\n", encoding="utf-8")
+    (tmp_path / "docs" / "notebooks" / "first.md").write_text("Run it.\n", encoding="utf-8")
+    (tmp_path / "docs" / "research" / "study.md").write_text("not for users\n", encoding="utf-8")
+    assert words.word_count() == 6 + 5 + 2
+
+
 @pytest.mark.parametrize("page", words.user_pages(), ids=lambda page: page.name)
 def test_a_page_has_the_words_of_the_glossary_and_no_history(page):
     assert not list(words.findings(page))
@@ -45,6 +57,16 @@ def test_the_unreleased_part_of_the_changelog_is_short():
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     _, first, *_ = re.split(r"^## ", text, flags=re.MULTILINE)
     assert len(first.splitlines()) <= MOST_LINES_OF_CHANGELOG
+
+
+def test_every_figure_of_the_evidence_has_its_command_date_and_version():
+    """Each section of docs/evidence.md with a table has a command to type, a month and a version."""
+    text = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
+    sections = [one for one in re.split(r"^##+ ", text, flags=re.MULTILINE)[1:] if "|---" in one]
+    assert len(sections) >= 5
+    for section in sections:
+        assert re.search(r"^\.venv/bin/\w+ ", section, re.MULTILINE), section
+        assert re.search(r"\b[A-Z][a-z]+ 20\d\d, (?:this\s+)?version", section), section
 
 
 def test_tables_of_the_readme_are_narrow():

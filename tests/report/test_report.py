@@ -291,6 +291,7 @@ def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
     two = replace(made, heldout=heldout)
     said = words_of(report_html(motions, R2, two))
     assert f"{HELD_OUT_DEG}° {HELD_OUT_DEG}° 12 of 12" in said
+    assert f"° before adaptation to {HELD_OUT_DEG:.1f}°" in said
     assert "of 2 of the subjects" in said
     assert "of 2 of the subjects" not in words_of(report_html(motions, R2, made))
     (model,) = figure_data(motions, R2, two, {})["models"]

@@ -242,14 +242,14 @@ def trust_rows(**columns: list) -> pd.DataFrame:
         (
             {},
             0,
-            "adapted model; the gap on held-out motions goes from 5.0 to 4.0 deg, smaller in 2 of 3 subjects.",
+            "the gap on held-out motions goes from 5.0 before adaptation to 4.0 deg, smaller in 2 of 3 subjects.",
         ),
         (
             {"gap_unseen_motion_deg": [9.0, 9.0, 3.0]},
             0,
             "use the model as it is; the gap on held-out motions goes from 5.0",
         ),
-        ({"gap_unseen_motion_deg": [np.nan] * 3}, 0, "the gap on held-out postures goes from 5.0 to 3.0 deg"),
+        ({"gap_unseen_motion_deg": [np.nan] * 3}, 0, "held-out postures goes from 5.0 before adaptation to 3.0 deg"),
         ({"gap_unseen_motion_deg": [np.nan] * 3, "gap_unseen_postures_deg": [np.nan] * 3}, 0, "nothing was held out"),
         ({}, 1, "do not read M_y (1 of 3), A_y (1 of 3): at a bound, or only together with another."),
         ({"at_bound": [""] * 3, "flat": [""] * 3}, 1, "all are determined"),

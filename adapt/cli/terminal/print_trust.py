@@ -119,7 +119,8 @@ def _say_angles(rows: pd.DataFrame) -> str:
     before, after = known["gap_before_deg"], known[held_out]
     better = int((after < before).sum())
     use = "use the adapted model" if 2 * better > len(known) else "use the model as it is"
-    gap = f"the gap on held-out {_HELD_OUT[held_out]} goes from {before.mean():.1f} to {after.mean():.1f} deg"
+    change = f"from {before.mean():.1f} before adaptation to {after.mean():.1f} deg"
+    gap = f"the gap on held-out {_HELD_OUT[held_out]} goes {change}"
     return f"Angles: {use}; {gap}, smaller in {better} of {len(known)} subjects."
 
 

@@ -40,7 +40,7 @@ THORAX_DOWNWEIGHTING = 30.0
 """Down-weighting K of thorax points of another person, which count 1/30 in E. With w = 10, chosen for such
 points, the ellipsoid stays so close to another person's thorax that every candidate that releases the ellipsoid
 predicts better, whatever is active. w = 300 predicts held-out motions of measured shoulders best, with every
-parameter set (docs/trust.md)."""
+parameter set (docs/research/trust.md)."""
 
 
 class Part(NamedTuple):
