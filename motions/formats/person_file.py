@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from motions.checks.distances import FROM_IJ_MM
 from motions.checks.trial import sound_landmarks
 from motions.errors import InputError, listed
-from motions.formats.any_file import labels_of_file, marker_groups
+from motions.formats.any_file import labels_of_file, marker_groups, warn_of_unused
 from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.text import numbers
 from motions.landmarks.clusters.calibration import Calibration
@@ -107,6 +107,8 @@ def read_persons(
             rejected.append(error)
     if not found:
         raise rejected[0]
+    every = [name for name in ("SC", "AC") if all(name not in one.stand_ins for one in found)]
+    warn_of_unused(every, labels, str(path))
     return found, rejected
 
 

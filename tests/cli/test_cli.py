@@ -422,6 +422,13 @@ def test_the_causes_of_a_diagnosis_are_adapted_with(motion, tmp_path):
     assert json.loads((by_folder / "run.json").read_text())["options"]["effect"] == [option]
 
 
+def test_a_diagnosis_is_not_replaced_by_what_it_explains(motion, tmp_path):
+    (tmp_path / "diagnosis.json").write_text(json.dumps({"options": ["scapula_landmark_bias=0,5,0"]}))
+    for command in ("fit", "adapt"):
+        ended = girdle(command, motion, "--effects-of", tmp_path, "--out", tmp_path)
+        refused(ended, str(tmp_path), "would replace the diagnosis that --effects-of reads", "Give another folder")
+
+
 @pytest.mark.parametrize(
     ("text", "cause", "remedy"),
     [
