@@ -100,7 +100,8 @@ SIZES_MM = {
 centimetres, to about twice an adult's. Adults: clavicle 149 (SD 12) and 161 (11) mm, growing by 8.4 mm per year from
 birth to 12 (McGraw 2009, doi 10.1097/BPO.0b013e3181c11992); spine of the scapula 134 (12), length of the scapula 155
 (16) mm (von Schroeder 2001, Clin Orthop 383:131). The other limits are from the thesis (Tables 3.1-3.3, 4.2), with five
-times its longest semi-axis and three times its longest distance to the thorax; inside it, half of that."""
+times its longest semi-axis and three times its longest distance to the thorax; inside it, half of that: a child of half
+the size has its AI up to 72 mm inside the thorax of R2."""
 
 LEAST_DEPTH = 0.2
 """Lower limit of the distance of IJ from the ellipsoid's centre, over the distance of the surface in that direction.
@@ -159,7 +160,9 @@ def warn_of_geometry(girdle: Girdle, numbers: Numbers, source: Mapping[str, str]
 
 
 def _is_adapted(source: Mapping[str, str], key: str) -> bool:
-    return begins_with(source.get(key, ""), ADAPTED_TO)
+    """Check whether a number was adapted, to this person or, in the parentheses of its source, to another one."""
+    said = source.get(key, "")
+    return begins_with(said, ADAPTED_TO) or f"({ADAPTED_TO}" in said
 
 
 def _check_unit(semi_axes_mm: Float[np.ndarray, "3"], file: str) -> None:

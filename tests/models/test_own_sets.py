@@ -432,6 +432,9 @@ def test_what_is_improbable_is_warned_of(tmp_path, old, new, said):
 
 
 def test_what_an_adaptation_has_moved_may_lie_farther_off(tmp_path):
+    deep = "404.0, 130.0]", "404.0, 190.0]"
+    said = "assumed: of R2_S01, not of the person (adapted to S01, from R2 (w = 10))"
+    load_model(own(tmp_path, *deep, tail=f'[source]\n"thorax.semi_axes_mm" = "{said}"\n'))
     far = "sc_mm = [20.3, -8.2, 12.4]", "sc_mm = [-25.0, -8.2, 12.4]"
     load_model(own(tmp_path, *far, tail='[source]\n"clavicle.sc_mm" = "adapted to S01, from R2 (w = 10, own bones)"\n'))
 
