@@ -6,9 +6,7 @@ points in the frame of their bone (thesis, Appendix A).
 
 import math
 import os
-import re
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -16,75 +14,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from models.adapted_parameters import ADAPTED_PARAMETERS, ELLIPSOID, HALF_WIDTHS_MM
+from models.adapted_parameters import ADAPTED_PARAMETERS, HALF_WIDTHS_MM
 from models.girdle import Girdle
-from motions.errors import InputError, did_you_mean
+from models.sets.number_sources import MEASURED, begins_with, range_mm, unread_range
+from models.sets.set_geometry import SHORTEST_MM, check_geometry, warn_of_geometry
+from motions.errors import InputError, did_you_mean, warn_input
 
 FOLDER = Path(__file__).parent / "sets"
 """Folder of the shipped sets."""
-
-SHORTEST_MM = 1.0
-"""Lower limit of lengths and semi-axes, also of adapted ones: at 0 the distance to the ellipsoid and the direction of
-the conoid have no derivative, and no bone, chest or ligament is nearly that short."""
-
-SMALLEST_THORAX_MM = 50.0
-"""Lower limit of the longest semi-axis: a newborn's chest, 330 mm around, is wider. A shorter axis is not in mm (the
-longest of the thesis, in cm, is 40.4)."""
-
-WIDEST_MM = 250.0
-"""Upper limit of A_x: the sets have 133 to 153 (Tables 3.3, 4.5), and an adaptation adds up to 30; whole axes have 266
-and more."""
-
-SIDES = {
-    "scapula.ts_mm": (0, -1, "TS is medial of AC"),
-    "scapula.ai_mm": (1, -1, "AI is below AC"),
-    "thorax.centre_mm": (2, 1, "the thorax is behind IJ"),
-}
-"""Index of a coordinate, its sign in every right shoulder and the reason (thesis, Appendix A), by key. SC is not in the
-list because it may be beside IJ: in das3 it is at x = 1.4 mm."""
-
-FEWEST_POINTS = len(ELLIPSOID) + 1
-"""Least number of thorax points: one more than the unknowns of the geometric fit."""
-
-FLATTEST_SCAPULA_MM = 1.0
-"""Least distance of TS or AI, the one nearer to AC, to the line through AC and the farther one: the noise of
-palpation."""
-
-SAME_LENGTH_MM = 0.1
-"""Largest difference between the length of ``clavicle.ac_mm`` and ``clavicle.length_mm``: both may be rounded to
-tenths."""
-
-ADAPTED_TO = "adapted to "
-"""First words of the source of an adapted number."""
-
-SIZES_MM = {
-    "clavicle.sc_mm": (4.0, 60.0),
-    "clavicle.length_mm": (30.0, 250.0),
-    "clavicle.conoid_mm": (20.0, 250.0),
-    "scapula.ts_mm": (24.0, 250.0),
-    "scapula.ai_mm": (30.0, 370.0),
-    "scapula.conoid_mm": (8.0, 120.0),
-    "thorax.semi_axes_mm": (SHORTEST_MM, 2000.0),
-    "constraint.conoid_length_mm": (SHORTEST_MM, 90.0),
-    "constraint.ts_distance_mm": (0.0, 150.0),
-    "constraint.ai_distance_mm": (0.0, 150.0),
-}
-"""Smallest and largest length: from a fifth of an adult's, which is below a newborn's but above any adult's in
-centimetres, to about twice an adult's. Adults: clavicle 149 (SD 12) and 161 (11) mm, growing by 8.4 mm per year from
-birth to 12 (McGraw 2009, doi 10.1097/BPO.0b013e3181c11992); spine of the scapula 134 (12), length of the scapula 155
-(16) mm (von Schroeder 2001, Clin Orthop 383:131). The other limits are from the thesis (Tables 3.1-3.3, 4.2), with five
-times its longest semi-axis and three times its longest distance to the thorax."""
-
-LEAST_DEPTH = 0.2
-"""Lower limit of the distance of IJ from the ellipsoid's centre, over the distance of the surface in that direction.
-The ratio is 0.84 and more in the shipped sets, 0.26 with the parameters of one set at the bounds of an adaptation, and
-0.1 where the centre alone is in centimetres."""
-
-MEASURED = "measured"
-"""First word of the source of a number that was measured on the person."""
-
-_RANGE = re.compile(r"\+-\s*([0-9.]+)\s*mm$")
-"""Pattern of the range at the end of a source; earlier in the text, a source may cite ranges of other numbers."""
 
 _VECTOR, _POINTS, _LENGTH, _DISTANCE, _TEXT = "vector", "points", "length", "distance", "text"
 
@@ -140,12 +77,11 @@ class ParameterSet:
 
     def is_measured(self, key: str) -> bool:
         """Check whether a number was measured on the person, according to its source (``models.person``)."""
-        return self.source.get(key, "").startswith(MEASURED)
+        return begins_with(self.source.get(key, ""), MEASURED)
 
     def range_mm(self, key: str) -> float | None:
         """Return the range or SD at the end of a number's source, mm; None if the source states none."""
-        stated = _RANGE.search(self.source.get(key, ""))
-        return float(stated[1]) if stated else None
+        return range_mm(self.source.get(key, ""))
 
     def of(self, _subject: str) -> "ParameterSet":
         """Return this set, which is the set of every subject (``models.person.family`` has sets per subject)."""
@@ -160,7 +96,8 @@ def model_names() -> tuple[str, ...]:
 def load_model(name_or_path: str | os.PathLike[str]) -> ParameterSet:
     """Load a shipped set by its name, or a user's own file (a path with a folder or one that ends in .toml).
 
-    Raises InputError where there is no such set or file, or where the file is not a complete girdle in mm.
+    Raises InputError where there is no such set or file, or where the file is not a complete girdle in mm. Issues an
+    InputWarning where hardly anybody has such numbers.
     """
     file = os.fspath(name_or_path)
     return parameter_set(_document(model_file(name_or_path), file), file)
@@ -172,13 +109,14 @@ def model_file(name_or_path: str | os.PathLike[str]) -> Path:
 
 
 def parameter_set(document: dict[str, Any], file: str) -> ParameterSet:
-    """Return the parameter set of the TOML document of a file. Raises InputError as ``load_model`` does."""
+    """Return the parameter set of the TOML document of a file. Raises InputError and warns as ``load_model`` does."""
     _check_keys(document, file)
     given = _NUMBERS | ({} if "ac_mm" not in document["clavicle"] else _OWN_AC)
     numbers = {key: _array(file, key, _value(document, key), kind) for key, kind in given.items()}
     widths, source = _half_widths_mm(document, file), _source(document, file)
-    _check_geometry(numbers, source, file)
+    check_geometry(numbers, source, file)
     girdle = _girdle(numbers)
+    warn_of_geometry(girdle, numbers, source, file)
     return ParameterSet(
         name=_name(document, file),
         girdle=girdle,
@@ -295,93 +233,6 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _check_geometry(numbers: dict[str, np.ndarray], source: Mapping[str, str], file: str) -> None:
-    """Raise InputError where no girdle has such numbers. A conoid that closes the chain in no posture is accepted; its
-    postures come out unreachable. Adapted sizes are not checked: the adaptation reports implausible ones, and they do
-    not suggest another unit."""
-    _check_unit(numbers["thorax.semi_axes_mm"], file)
-    for key in ("thorax.semi_axes_mm", "clavicle.length_mm", "constraint.conoid_length_mm"):
-        _check_length(key, float(np.min(numbers[key])), file)
-    M_x, points = numbers["thorax.centre_mm"][0], len(numbers["thorax.points_mm"])
-    if M_x != 0.0:
-        remedy = "centre_mm must start with 0.0: the ellipsoid is symmetric about the midsagittal plane (A4)"
-        raise InputError(file, None, f"thorax.centre_mm starts with {M_x:g}", remedy)
-    if points < FEWEST_POINTS:
-        remedy = f"Give {FEWEST_POINTS} or more: the fit of the ellipsoid has {len(ELLIPSOID)} unknowns"
-        raise InputError(file, None, f"thorax.points_mm has {points} points", remedy)
-    length_mm = numbers["clavicle.length_mm"]
-    if abs(np.linalg.norm(numbers.get("clavicle.ac_mm", length_mm)) - length_mm) > SAME_LENGTH_MM:
-        cause = f"clavicle.length_mm is {length_mm:g}, and clavicle.ac_mm another length from SC"
-        raise InputError(file, None, cause, "Make ac_mm as long as length_mm, or leave it out: AC is on the axis then")
-    for key, limits_mm in SIZES_MM.items():
-        if not source.get(key, "").startswith(ADAPTED_TO):
-            _check_size(key, numbers[key], limits_mm, file)
-    _check_axes(float(numbers["thorax.semi_axes_mm"][0]), file)
-    _check_sides(numbers, file)
-    _check_centre(numbers["thorax.centre_mm"], numbers["thorax.semi_axes_mm"], file)
-    if _off_line_mm(numbers["scapula.ts_mm"], numbers["scapula.ai_mm"]) < FLATTEST_SCAPULA_MM:
-        remedy = "Give ts_mm and ai_mm in the scapula frame, from AC"
-        raise InputError(file, None, "AC, TS and AI of the scapula lie on a line", remedy)
-
-
-def _check_unit(semi_axes_mm: Float[np.ndarray, "3"], file: str) -> None:
-    longest = float(np.max(semi_axes_mm))
-    if np.min(semi_axes_mm) > 0.0 and longest < SMALLEST_THORAX_MM:
-        cause = f"the longest of thorax.semi_axes_mm is {longest:g} mm, less than of any thorax"
-        remedy = "Give every length in millimetres: metres times 1000, centimetres times 10"
-        raise InputError(file, None, cause, remedy)
-
-
-def _check_length(key: str, shortest_mm: float, file: str) -> None:
-    if shortest_mm < SHORTEST_MM:
-        cause = f"{key} is {shortest_mm:g} and must be at least {SHORTEST_MM:g} mm"
-        raise InputError(file, None, cause, "Give lengths and semi-axes as positive numbers in millimetres")
-
-
-def _check_size(key: str, number_mm: np.ndarray, limits_mm: tuple[float, float], file: str) -> None:
-    """Raise InputError where no person has such a length; the message names the likely unit of the number."""
-    size_mm = float(np.max(number_mm) if key == "thorax.semi_axes_mm" else np.linalg.norm(number_mm))
-    least, most = limits_mm
-    if least <= size_mm <= most or size_mm == 0.0:  # other checks explain a 0 better
-        return
-    cause = f"{key} is {size_mm:.4g} mm, {'less' if size_mm < least else 'more'} than in any person"
-    units = {"centimetres": 10.0, "metres": 1000.0, "tenths of a millimetre": 0.1, "micrometres": 0.001}
-    unit = next((name for name, factor in units.items() if least <= factor * size_mm <= most), None)
-    guess = f"It looks like {unit}. " if unit else ""
-    raise InputError(file, None, cause, f"{guess}Give it in mm: between {least:g} and {most:g}")
-
-
-def _check_axes(A_x_mm: float, file: str) -> None:
-    """Raise InputError where A_x is so large that the file seems to give whole axes."""
-    if A_x_mm > WIDEST_MM:
-        cause = f"thorax.semi_axes_mm starts with {A_x_mm:g} mm: no thorax is twice as wide"
-        raise InputError(file, None, cause, "Give semi-axes, half of the axes")
-
-
-def _check_sides(numbers: dict[str, np.ndarray], file: str) -> None:
-    """Raise InputError where a sign belongs to another frame or to a left shoulder."""
-    for key, (place, sign, where) in SIDES.items():
-        number = numbers[key][place]
-        if sign * number < 0.0:
-            cause = f"{key.partition('.')[2]} has {'xyz'[place]} = {number:g}, but {where}"
-            raise InputError(file, None, cause, "Give a right shoulder in the frames of docs/frames.md")
-
-
-def _check_centre(centre_mm: Float[np.ndarray, "3"], semi_axes_mm: Float[np.ndarray, "3"], file: str) -> None:
-    """Raise InputError where IJ, the origin, lies deep inside the ellipsoid."""
-    if np.linalg.norm(centre_mm / semi_axes_mm) >= LEAST_DEPTH:
-        return
-    cause = f"thorax.centre_mm is {np.linalg.norm(centre_mm):.4g} mm from IJ, which then lies deep inside the ellipsoid"
-    raise InputError(file, None, cause, "IJ is near its surface. Give the centre in mm: centimetres times 10")
-
-
-def _off_line_mm(ts_mm: Float[np.ndarray, "3"], ai_mm: Float[np.ndarray, "3"]) -> float:
-    """Compute the distance of TS or AI, the one nearer to AC (the origin), to the line through AC and the farther one,
-    mm."""
-    farther = max(np.linalg.norm(ts_mm), np.linalg.norm(ai_mm))
-    return float(np.linalg.norm(np.cross(ts_mm, ai_mm)) / farther) if farther > 0.0 else 0.0
-
-
 def _girdle(numbers: dict[str, np.ndarray]) -> Girdle:
     attached = {f"{bone}_conoid_mm": numbers[f"{bone}.conoid_mm"] for bone in ("clavicle", "scapula")}
     other = {key.partition(".")[2]: value for key, value in numbers.items()} | attached
@@ -424,4 +275,7 @@ def _source(document: dict[str, Any], file: str) -> dict[str, str]:
         if not isinstance(text, str):
             remedy = f'Write "{key}" = "where the number comes from" under [source]'
             raise InputError(file, None, f"the source of {key} is {_short(text)}, not {_MEANING[_TEXT]}", remedy)
+        if unread := unread_range(text):
+            cause = f"the range at the end of the source of {key} cannot be read ({unread}), so the number has none"
+            warn_input(InputError(file, None, cause, "Write it in mm, as in +-1.2 mm"))
     return dict(source)

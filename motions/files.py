@@ -80,6 +80,17 @@ def read_by_child(child: Path, path: Path, library: str, remedy: str, patience_s
     return dict(np.load(io.BytesIO(ended.stdout)))
 
 
+def refuse_replacing(target: Path, inputs: Iterable[Path | None]) -> None:
+    """Raise InputError if a file that is to be written is one of the files that the same command reads."""
+    if any(one is not None and _is_same(one, target) for one in inputs):
+        cause = "this command reads this file and would replace it"
+        raise InputError(str(target), None, cause, "Name another file to write to")
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    return one.resolve() == other.resolve() or (one.exists() and other.exists() and one.samefile(other))
+
+
 def make_folder(folder: Path) -> None:
     """Make the folder and its missing parents. Raise InputError if this fails."""
     try:

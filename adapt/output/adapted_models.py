@@ -18,9 +18,9 @@ from adapt.tables.results import OWN_WORD
 from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, HALF_WIDTHS_MM
 from models.export.toml import parameters_toml
 from models.girdle import Girdle
-from models.parameter_sets import ADAPTED_TO
 from models.person.family import AnyModel
 from models.person.own_bones import NO_SDS, SIZES, with_own_sizes
+from models.sets.number_sources import ADAPTED_TO
 from motions.files import file_names, printable
 
 FOLDER = "models"

@@ -20,13 +20,15 @@ def publish(staged: Path, folder: Path) -> None:
     """Move every file of ``staged`` to its place below ``folder``, and remove the files of the previous run.
 
     No file of the user is replaced or removed: a file that no run wrote, or that was changed since, is renamed, with an
-    InputWarning. Files that the run reads stay, and so do simulated motions. OSError, before anything has changed, if a
-    folder stands where a file should be, or a file where a folder should be.
+    InputWarning. Files that the run reads stay, and so do simulated motions. Before anything has changed, InputError
+    if a file of the run would replace one that it reads, and OSError if a folder stands where a file should be, or a
+    file where a folder should be.
     """
     places = _places(staged, folder)
     before, names = last_written(folder), list(files_below(staged))
     new = listed(staged, names)
     read = _inputs_below(staged / RECORD, folder)
+    _refuse_inputs(names, read, folder)
     old = [name for name in before.hashes if not (staged / name).exists()]
     stay = [name for name in old if name in DATA or {Path(name), *Path(name).parents} & read]
     # A run killed from here on leaves only files that the list names, so the next run knows them.
@@ -59,6 +61,14 @@ def _inputs_below(record: Path, folder: Path) -> set[Path]:
     paths = [Path(one["path"]) for one in inputs["motions"]] + [Path(one["name"]) for one in inputs["models"]]
     home, resolved = folder.resolve(), (path.resolve() for path in paths)
     return {path.relative_to(home) for path in resolved if path.is_relative_to(home)}
+
+
+def _refuse_inputs(names: Iterable[str], read: set[Path], folder: Path) -> None:
+    """Raise InputError if a file of the run would replace one that it has read."""
+    for name in names:
+        if {Path(name), *Path(name).parents} & read and (folder / name).exists():
+            cause = f"this run reads {name} in this folder and would replace it"
+            raise InputError(str(folder), None, cause, "Give another folder with --out")
 
 
 def _keep_aside(before: Written, names: Iterable[str]) -> None:

@@ -14,10 +14,8 @@ from models.effects.effect import Adjust, Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
+from models.sets.number_sources import DOUBTFUL, begins_with
 from motions.arrays import xp
-
-_DOUBTFUL = ("assumed", "derived")
-"""First words of the source of a number that was not measured."""
 
 _ATTACHMENT_MM, _BONE_MM, _DISTANCE_MM = 8.0, 6.0, 10.0
 
@@ -73,7 +71,7 @@ def doubtful_numbers(model: ParameterSet) -> dict[str, Effect]:
     found = {}
     for key, effect in NUMBER_EFFECTS.items():
         source = model.source.get(key, "")
-        if source.startswith(_DOUBTFUL):
+        if begins_with(source, DOUBTFUL):
             stated = model.range_mm(key)
             if stated is not None:
                 prior = EffectPrior((stated,) * len(effect.directions), f"the set: {source}")

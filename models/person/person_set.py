@@ -24,10 +24,11 @@ from jaxtyping import Float
 from models.adapted_parameters import ADAPTED, ELLIPSOID
 from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
-from models.parameter_sets import FLATTEST_SCAPULA_MM, ParameterSet
+from models.parameter_sets import ParameterSet
 from models.person.attachments import ATTACHMENT_SD_MM, CONOID_SD_MM, ScapularSurfaces, with_carried_conoid
 from models.person.sizes import ONE_POSTURE_MM, PALPATOR_MM, Size, bone_sizes, size_of
 from models.person.thorax_ellipsoid import ThoraxFit, fit_thorax
+from models.sets.set_geometry import FLATTEST_SCAPULA_MM, conoid_reach_mm
 from motions.checks.rigidity import Rigidity, check_rigidity
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 
@@ -138,18 +139,12 @@ def _closed_at_rest(girdle: Girdle, at: Mapping[str, Float[np.ndarray, "3"]]) ->
     )
     attachment = R_thorax_clavicle.T @ (AC + R_thorax_scapula @ girdle.scapula_conoid_mm - girdle.sc_mm)
     carried = float(girdle.conoid_length_mm)
-    nearest = float(np.clip(carried, *_conoid_reach_mm(attachment, np.asarray(girdle.clavicle_conoid_mm))))
+    nearest = float(np.clip(carried, *conoid_reach_mm(attachment, np.asarray(girdle.clavicle_conoid_mm))))
     ts_distance, ai_distance = (np.asarray(float(d)) for d in distances)
     closed = replace(
         girdle, ts_distance_mm=ts_distance, ai_distance_mm=ai_distance, conoid_length_mm=np.asarray(nearest)
     )
     return closed, carried
-
-
-def _conoid_reach_mm(p: Float[np.ndarray, "3"], k: Float[np.ndarray, "3"]) -> tuple[float, float]:
-    """Compute the smallest and largest |p - Rx(c) k| over c."""
-    along, one, other = p[0] - k[0], np.hypot(p[1], p[2]), np.hypot(k[1], k[2])
-    return float(np.hypot(along, one - other)), float(np.hypot(along, one + other))
 
 
 def _sources(generic, of_bones, SC, thorax, points, rest: str, stand_ins, carried_mm: float) -> dict[str, str]:

@@ -17,8 +17,9 @@ from jaxtyping import Float
 from models.adapted_parameters import ADAPTED, ELLIPSOID, PERSON_SD_MM, ellipsoid_components
 from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
-from models.parameter_sets import FEWEST_POINTS, SHORTEST_MM, ParameterSet
+from models.parameter_sets import ParameterSet
 from models.person.least_squares import Fit, Points, fitted, minimised
+from models.sets.set_geometry import FEWEST_POINTS, SHORTEST_MM
 from motions.arrays import Array, xp
 
 _M_Y, _A_Y = ADAPTED.index("M_y"), ADAPTED.index("A_y")

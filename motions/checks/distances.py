@@ -22,6 +22,10 @@ Pair = tuple[str, str]
 Positions = Mapping[str, Float[np.ndarray, "3 frames"]]
 """Landmarks by name; NaN where not measured."""
 
+FROM_IJ_MM = (60.0, 1000.0)
+"""Range, in mm, of the distance of a surface's farthest point from IJ; not for the SC joint, which lies beside IJ.
+Centimetres taken for mm are at most 45, and points beyond the range are in another frame than the landmarks."""
+
 
 @dataclass(frozen=True)
 class Range:

@@ -1,7 +1,7 @@
 """Reading of any file that holds motions as a table of postures; its extension, and a CSV's columns, tell its kind."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -146,7 +146,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
         warn_input(InputError(markers.file, None, cause, remedy))
     _warn_of_arm(lab_mm, labels, markers.file)
     if trial is None:  # with clusters, the options may place landmarks of the static trial
-        _warn_of_unused(lab_mm, labels, markers.file)
+        warn_of_unused(lab_mm, labels, markers.file)
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
         mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
@@ -172,11 +172,11 @@ def _warn_of_arm(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> No
     warn_input(InputError(file, None, cause, remedy + (", or place GH (--gh-from-ac)" if "GH" in absent else "")))
 
 
-def _warn_of_unused(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> None:
+def warn_of_unused(measured: Collection[str], labels: Labels, file: str) -> None:
     """Warn of options that would place a landmark that was measured."""
     placed = {"AC": labels.aa_to_ac, "SC": labels.sc_from_ij, "GH": labels.gh_from_ac}
     for name, option in (("AC", "--aa-to-ac"), ("SC", "--sc-from-ij"), ("GH", "--gh-from-ac")):
-        if placed[name] is not None and name in lab_mm:
+        if placed[name] is not None and name in measured:
             cause = f"{name} was measured, so {option} changes nothing"
             warn_input(InputError(file, None, cause, f"Leave {option} out"))
 

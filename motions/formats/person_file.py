@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from motions.checks.distances import FROM_IJ_MM
 from motions.checks.trial import sound_landmarks
 from motions.errors import InputError, listed
-from motions.formats.any_file import labels_of_file, marker_groups
+from motions.formats.any_file import labels_of_file, marker_groups, warn_of_unused
 from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.text import numbers
 from motions.landmarks.clusters.calibration import Calibration
@@ -30,10 +31,6 @@ from motions.rotations import DEG, rotate
 SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "scapula")
 """Surfaces on which a point may lie (thesis 4.3.3, 4.3.5)."""
 
-
-_FROM_IJ_MM = (60.0, 1000.0)
-"""Range, in mm, of the distance of a surface's farthest point from IJ; not for the SC joint, which lies beside IJ.
-Centimetres taken for mm are at most 45, and points beyond the range are in another frame than the landmarks."""
 
 _MOST_NAMED = 10
 """Maximum number of postures in a message."""
@@ -110,6 +107,8 @@ def read_persons(
             rejected.append(error)
     if not found:
         raise rejected[0]
+    every = [name for name in ("SC", "AC") if all(name not in one.stand_ins for one in found)]
+    warn_of_unused(every, labels, str(path))
     return found, rejected
 
 
@@ -209,7 +208,7 @@ def _points(
 
 def _check_place(surface: str, points_mm: Float[np.ndarray, "3 points"], file: str, subject: str) -> None:
     """Raise InputError if points cannot be on a person, in mm and in the frame of the landmarks."""
-    farthest, (least, most) = float(np.linalg.norm(points_mm, axis=0).max()), _FROM_IJ_MM
+    farthest, (least, most) = float(np.linalg.norm(points_mm, axis=0).max()), FROM_IJ_MM
     if surface != "sc_joint" and not least <= farthest <= most:
         cause = f"subject {subject!r}: the farthest point of {surface} is {farthest:.3g} mm from IJ"
         remedy = "Give mm, or call the columns x_cm or x_m, in the frame of the landmarks"

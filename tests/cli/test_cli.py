@@ -351,7 +351,7 @@ def test_a_name_is_printed_as_it_is(tmp_path, name):
 def test_a_model_that_cannot_reach_says_so(motion, tmp_path):
     """R4 with a conoid shorter than the distance of its attachments in any posture."""
     text = (FOLDER / "R4.toml").read_text()
-    short = text.replace('name = "R4"', 'name = "R4_2.0"').replace("conoid_length_mm = 13.2", "conoid_length_mm = 2.0")
+    short = text.replace('name = "R4"', 'name = "R4_3.0"').replace("conoid_length_mm = 13.2", "conoid_length_mm = 3.0")
     model = tmp_path / "short.toml"
     model.write_text(short)
     ended = girdle("fit", motion, "--model", model, "--out", tmp_path / "out")
@@ -360,7 +360,7 @@ def test_a_model_that_cannot_reach_says_so(motion, tmp_path):
         f"not handled: {subject}: 14 posture fits unreachable" for subject in ("simulated01", "simulated02")
     ]
     fits = pd.read_csv(tmp_path / "out" / "fits.csv")
-    assert set(fits["model"]) == {"R4_2.0"}
+    assert set(fits["model"]) == {"R4_3.0"}
     assert set(fits["status"]) == {status.UNREACHABLE}
     assert np.abs(fits["a3_mm"]).min() > 0.1, "the residuals say how far the chain gapes"
     summary = pd.read_csv(tmp_path / "out" / "summary.csv")
@@ -420,6 +420,13 @@ def test_the_causes_of_a_diagnosis_are_adapted_with(motion, tmp_path):
     assert girdle("fit", motion, "--effect", option, "--out", by_option).status == 0
     assert (by_folder / "fits.csv").read_bytes() == (by_option / "fits.csv").read_bytes()
     assert json.loads((by_folder / "run.json").read_text())["options"]["effect"] == [option]
+
+
+def test_a_diagnosis_is_not_replaced_by_what_it_explains(motion, tmp_path):
+    (tmp_path / "diagnosis.json").write_text(json.dumps({"options": ["scapula_landmark_bias=0,5,0"]}))
+    for command in ("fit", "adapt"):
+        ended = girdle(command, motion, "--effects-of", tmp_path, "--out", tmp_path)
+        refused(ended, str(tmp_path), "would replace the diagnosis that --effects-of reads", "Give another folder")
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,20 @@ def test_a_muscle_of_any_name_has_its_volume(tmp_path):
     assert row["volume_cm3"] == pytest.approx(expected, rel=0.02)
 
 
+def test_neither_clicks_nor_points_are_replaced(tmp_path):
+    scan, out = png_scan(tmp_path), tmp_path / "points.csv"
+    before = scan.clicks.read_bytes()
+    for files, where in (
+        (("--out", scan.clicks), scan.clicks),
+        (("--out", out, "--volumes", scan.clicks), scan.clicks),
+        (("--out", out, "--volumes", out), out),
+    ):
+        ended = girdle("contour", *scan.files, "--clicks", scan.clicks, *files)
+        refused(ended, str(where), "this command reads this file and would replace it", "Name another file")
+    assert scan.clicks.read_bytes() == before
+    assert not out.exists()
+
+
 def test_points_of_png_slices_lie_on_the_ball(tmp_path):
     scan, out = png_scan(tmp_path), tmp_path / "points.csv"
     sizes = "--pixel-mm", PIXEL_MM, "--slice-mm", SLICE_MM

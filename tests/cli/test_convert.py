@@ -222,6 +222,18 @@ def test_what_cannot_be_converted(tmp_path, monkeypatch, arguments, where, cause
     assert list(tmp_path.iterdir()) == []
 
 
+def test_no_source_is_replaced(tmp_path):
+    motion = tmp_path / "motion.csv"
+    motion.write_text(DATA_FILE.read_text().replace("simulated01", " simulated01"))
+    before = motion.read_bytes()
+    said = "this command reads this file and would replace it", "Name another file"
+    refused(girdle("convert", motion, tmp_path / "." / "motion.csv"), str(motion), *said)
+    assert motion.read_bytes() == before
+    assert girdle("convert", motion, tmp_path / "mots").status == 0
+    onto = girdle("convert", tmp_path / "mots", tmp_path / "mots")
+    refused(onto, str(tmp_path / "mots" / "simulated01_abduction.mot"), *said)
+
+
 def test_a_parameter_set_becomes_a_model_of_opensim_alone(tmp_path):
     refused(girdle("convert", FOLDER / "R2.toml", tmp_path / "o.stl"), str(tmp_path / "o.stl"), "becomes", ".osim")
     refused(girdle("convert", DATA_FILE, tmp_path / "o.osim"), str(DATA_FILE), "made of a parameter set", ".toml")
@@ -434,4 +446,4 @@ def test_a_diagnosis_nested_too_deep_ends_in_a_message(tmp_path):
     """Regression test for a fault found by fuzzing."""
     (tmp_path / "diagnosis.json").write_text("[" * 5000)
     with pytest.raises(InputError, match=r"not a diagnosis\.json"):
-        effects_of(tmp_path)
+        effects_of(tmp_path, tmp_path / "out")

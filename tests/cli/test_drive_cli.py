@@ -45,6 +45,11 @@ def test_closed_postures_go_to_coordinates_and_back(closed, tmp_path):
     np.testing.assert_allclose(
         pd.read_csv(tmp_path / "again" / "driven.csv")[list(ANGLE_COLUMNS)], found.angles_deg, atol=ROUND_TRIP_DEG
     )
+    onto = girdle("drive", tmp_path / "back" / "driven.csv", "--out", tmp_path / "back")
+    refused(
+        onto, str(tmp_path / "back"), "this run reads driven.csv in this folder and would replace it", "another folder"
+    )
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "back" / "driven.csv"), table)
     whole = girdle("drive", "--repeat", tmp_path / "back" / "run.json", "--out", tmp_path / "repeated")
     assert whole.status == 0, whole.err
     assert (tmp_path / "repeated" / "driven.csv").read_bytes() == (tmp_path / "back" / "driven.csv").read_bytes()

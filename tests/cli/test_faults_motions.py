@@ -221,3 +221,16 @@ def test_where_nobody_was_adapted_no_gap_is_given():
     result = adapt_subjects(motions.select(motions.subject == motions.subjects[0]), load_model("R2"), held_out=())
     nobody = replace(result, parameters=result.parameters.assign(status=status.NOT_CONVERGED))
     assert list(verdicts(nobody.parameters, nobody.heldout, nobody.summary)) == ["R2: none of 1 subjects adapted."]
+
+
+def test_where_no_posture_was_fitted_the_verdict_says_so_in_place_of_a_gap():
+    """R2 with a conoid that closes the chain in no posture, before adaptation and after it."""
+    motions, R2 = read_motions(DATA_FILE), load_model("R2")
+    short = replace(R2, girdle=replace(R2.girdle, conoid_length_mm=np.array(3.0)))
+    result = adapt_subjects(motions.select(motions.subject == motions.subjects[0]), short, held_out=())
+    said = next(verdicts(result.parameters, result.heldout, result.summary))
+    assert re.search(r"adapted to: clavicle not fitted -> \d\.\d deg, scapula not fitted -> \d\.\d deg; ", said)
+    gaps = [name for name in result.summary if name.endswith("_deg")]
+    nowhere = result.summary.assign(**dict.fromkeys(gaps, np.nan))
+    said = next(verdicts(result.parameters, result.heldout, nowhere))
+    assert "1 of 1 subjects adapted; no gap, as no posture could be fitted; " in said

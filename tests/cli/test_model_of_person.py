@@ -1,5 +1,6 @@
 """``girdle model`` and the commands that use its sets: output, exit statuses, broken inputs."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -257,6 +258,50 @@ def test_the_elevation_at_rest_and_the_name_of_the_set_are_said(tmp_path):
     assert "1, arm at 20" in " ".join(ran.out.split())
     assert f"{tmp_path / 'S07.toml'} written; its name is trial (--subject is for files without names)\n" in ran.out
     assert "# Taken for rest: 1, arm at 20 degrees." in (tmp_path / "S07.toml").read_text()
+
+
+def test_no_file_that_is_read_is_replaced(persons, tmp_path):
+    """The mapping, the generic set, and a set of the same name in the folder of the results."""
+    (tmp_path / "lab.toml").write_text('unit = "mm"\n')
+    shutil.copy(FOLDER / "R2.toml", tmp_path / "mine.toml")
+    landmarks, first = table_4_2(tmp_path), persons.motions.subjects[0]
+    landmark_table(persons).to_csv(tmp_path / "three.csv", index=False)
+    (tmp_path / "sets").mkdir()
+    shutil.copy(FOLDER / "R2.toml", tmp_path / "sets" / f"{first}.toml")
+    files = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    for source, options, out, replaced in (
+        (landmarks, ("--map", tmp_path / "lab.toml"), tmp_path / "lab.toml", "lab.toml"),
+        (landmarks, ("--model", tmp_path / "mine.toml"), tmp_path / "sets" / ".." / "mine.toml", "sets/../mine.toml"),
+        (
+            tmp_path / "three.csv",
+            ("--model", tmp_path / "sets" / f"{first}.toml"),
+            tmp_path / "sets",
+            f"sets/{first}.toml",
+        ),
+    ):
+        ran = girdle("model", source, *options, "--out", out)
+        refused(ran, str(tmp_path / replaced), "this command reads this file and would replace it", "Name another file")
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == files
+
+
+def test_options_that_change_nothing_are_said(tmp_path):
+    trial = simulated_trial(np.linspace(20.0, 120.0, 11)).thorax_mm
+    (tmp_path / "trial.trc").write_text("\n".join(trc_lines(trial)) + "\n")
+    (tmp_path / "still.trc").write_text("\n".join(trc_lines({name: p[:, :1] for name, p in trial.items()})) + "\n")
+    (tmp_path / "lab.toml").write_text('[clusters]\nscapula = ["AMC1", "AMC2", "AMC3"]\n')
+    to = "--out", tmp_path / "person.toml"
+    unused = girdle("model", tmp_path / "trial.trc", "--sc-from-ij", "kaptein1999", "--aa-to-ac", "kolz2020", *to)
+    assert "SC was measured, so --sc-from-ij changes nothing. Leave --sc-from-ij out" in unused.err
+    assert "AC was measured, so --aa-to-ac changes nothing. Leave --aa-to-ac out" in unused.err
+    clusters = girdle("model", tmp_path / "trial.trc", "--map", tmp_path / "lab.toml", *to)
+    assert (
+        "without --static the clusters of the mapping carry nothing (scapula). Give the static trials" in clusters.err
+    )
+    still = girdle("model", tmp_path / "still.trc", "--map", tmp_path / "lab.toml", *to)
+    assert (unused.status, clusters.status, still.status) == (0, 0, 0)
+    assert "clusters" not in still.err
+    unit = girdle("model", tmp_path / "trial.trc", "--surface-unit", "m", *to)
+    refused(unit, "--surface-unit", "there is no surface that could have this unit", "leave it out")
 
 
 def test_two_sets_of_one_name_are_refused(folder):

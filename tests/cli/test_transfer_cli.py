@@ -66,6 +66,18 @@ def test_a_bone_of_the_same_shape_is_carried_exactly_and_compares_as_itself(bone
     assert (home / "out" / "run.json").exists()
 
 
+def test_attachments_are_not_carried_onto_themselves(bones):
+    home, _ = bones
+    assert by_landmarks(home).status == 0
+    files = "--from-landmarks", home / "to.csv", "--to-landmarks", home / "from.csv"
+    onto = girdle("transfer", home / "out" / "attachments.csv", *files, "--out", home / "out")
+    refused(
+        onto, str(home / "out"), "this run reads attachments.csv in this folder and would replace", "another folder"
+    )
+    alone = girdle("transfer", home / "own.csv", *files, "--surface-unit", "cm", "--out", home / "out")
+    refused(alone, "--surface-unit", "there is no surface that could have this unit", "leave it out")
+
+
 def test_an_attachment_elsewhere_is_large(bones):
     """An error of 30 mm along each axis is sqrt(3) 30 = 52 mm, which Table 5.3 calls LARGE."""
     home, own = bones

@@ -128,7 +128,7 @@ def test_three_engines_in_float32():
 def test_statuses_are_those_of_float64(tmp_path):
     """A chain that cannot close, a posture with too few measured angles, and good postures."""
     short = tmp_path / "short.toml"
-    short.write_text((FOLDER / "R4.toml").read_text().replace("conoid_length_mm = 13.2", "conoid_length_mm = 2.0"))
+    short.write_text((FOLDER / "R4.toml").read_text().replace("conoid_length_mm = 13.2", "conoid_length_mm = 3.0"))
     for model, expected in ((load_model(str(short)), status.UNREACHABLE), (load_model("R4"), status.OK)):
         problem = of_postures(problems_of(posture_rows(simulate_subjects(1, seed=3)), [model]))
         problem[2][2:, 0] = False

@@ -42,7 +42,7 @@ def fit(
     from adapt.cli.commands.fit_runs import fit_motions  # slow import: JAX and pandas
     from adapt.cli.commands.known_effects import effects_of
 
-    effect = [*effects_of(effects_of_folder), *effect]
+    effect = [*effects_of(effects_of_folder, out), *effect]
     fit_motions(motions, out, asked_models(model, models_of), float32, angles, effect)
 
 
@@ -85,6 +85,6 @@ def adapt(
     from adapt.cli.commands.fit_runs import AdaptOptions, adapt_motions  # slow import: JAX and pandas
     from adapt.cli.commands.known_effects import effects_of
 
-    effect = [*effects_of(effects_of_folder), *effect]
+    effect = [*effects_of(effects_of_folder, out), *effect]
     asked = AdaptOptions(weight, objective, float32, angles, effect, thorax_downweighting, own_bones)
     adapt_motions(motions, out, asked_models(model, models_of), asked, chunk, dask, tables)

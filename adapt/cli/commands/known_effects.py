@@ -49,14 +49,18 @@ def read_known(words: Sequence[str], thorax_downweighting: float = 1.0) -> Known
 _GIVE_A_DIAGNOSIS = "Give the folder that `girdle diagnose --out FOLDER` has written"
 
 
-def effects_of(folder: Path | None) -> list[str]:
+def effects_of(folder: Path | None, out: Path) -> list[str]:
     """Read the causes of a diagnosis in the form of ``--effect``; without a folder there are none.
 
-    Raise an InputError where the folder has no diagnosis, or the diagnosis has no causes to adapt with.
+    Raise an InputError where the folder has no diagnosis, or the diagnosis has no causes to adapt with, or where the
+    results in ``out`` would replace it.
     """
     if folder is None:
         return []
     path = folder / "diagnosis.json"
+    if folder.resolve() == out.resolve():
+        cause = f"the results would replace the diagnosis that {EFFECTS_OF_OPTION} reads"
+        raise InputError(str(out), None, cause, "Give another folder with --out")
     if not path.is_file():
         raise InputError(str(path), None, "there is no such file", _GIVE_A_DIAGNOSIS)
     try:

@@ -1,9 +1,13 @@
 """Labels of a landmark file, from the options of ``girdle convert`` and ``girdle model``."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 
 from motions.errors import InputError, named
 from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.mapping import UNITS_MM
 from motions.landmarks.sampled_postures import Labels
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 from motions.motion_csv.cells import SIDES
@@ -19,6 +23,15 @@ def asked_labels(
     offset = named(sc_from_ij, OFFSETS, "--sc-from-ij", "offset") if sc_from_ij else None
     gh = named(gh_from_ac, GH_OFFSETS, "--gh-from-ac", "offset") if gh_from_ac else None
     return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset, gh)
+
+
+def asked_unit_mm(surface_unit: str, surfaces: Sequence[Path | None]) -> float:
+    """Return the unit of the surfaces, mm; raise an InputError for an unknown one, and for one without a surface."""
+    unit_mm = named(surface_unit, UNITS_MM, "--surface-unit", "unit")
+    if unit_mm != 1.0 and not any(surfaces):
+        cause = "there is no surface that could have this unit"
+        raise InputError("--surface-unit", None, cause, "Give the surfaces, or leave it out")
+    return unit_mm
 
 
 def _elevations(at: str) -> tuple[float, ...]:

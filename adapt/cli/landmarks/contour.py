@@ -15,7 +15,7 @@ from models.person.contours.image_slices import ImageSlice, read_slices
 from models.person.contours.slice_stack import doubtful, follow
 from models.person.contours.stack_volume import area_mm2, stack_volume_cm3
 from motions.errors import InputError
-from motions.files import atomic_write, printable
+from motions.files import atomic_write, printable, refuse_replacing
 from motions.formats.person_file import SURFACES
 
 _DIGITS = 3
@@ -50,6 +50,9 @@ def write_contours(
     ``in_window``: surface for which a window takes clicks first; these are added to the file of clicks. ``volumes``:
     file for the volume of each surface. Raise an InputError where a slice, a click or a contour is wrong.
     """
+    refuse_replacing(out, (*paths, clicks))
+    if volumes is not None:
+        refuse_replacing(volumes, (*paths, clicks, out))
     slices = read_slices(paths, *sizes_mm)
     known = read_clicks(clicks, slices) if clicks.exists() or not in_window else []
     if in_window:

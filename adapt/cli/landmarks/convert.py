@@ -14,7 +14,7 @@ from adapt.solvers import status
 from models.export.opensim import opensim_model
 from models.parameter_sets import load_model
 from motions.errors import InputError, pip_install
-from motions.files import atomic_write, atomic_write_bytes, file_names, make_folder
+from motions.files import atomic_write, atomic_write_bytes, file_names, make_folder, refuse_replacing
 from motions.formats.angle_table import SCAPULA_THROUGH, split, table_from_motions
 from motions.formats.any_file import read_any
 from motions.formats.marker_files.export_table import read_head
@@ -52,9 +52,10 @@ def convert(
         cause = f"only .mot files hold ISB's angles, and {target} is none"
         raise InputError("--isb", None, cause, "Name a .mot file or a folder, or leave --isb out")
     if len(sources) == 1 and not is_folder_of_trials(sources[0]):
+        refuse_replacing(target, sources)
         return _convert_one(sources[0], target, mapping, labels, isb, statics)
     motions = read_several(sources, target, mapping, labels, statics)
-    _write(motions, target, isb)
+    _write(motions, target, isb, sources)
     return motions
 
 
@@ -78,11 +79,11 @@ def _convert_one(
         motions = simulated_motions(source)
     else:
         motions = read_any(source, mapping, labels, calibration_for(source, statics, mapping, labels))
-    _write(motions, target, isb)
+    _write(motions, target, isb, [source])
     return motions
 
 
-def _write(motions: Motions, target: Path, isb: bool) -> None:
+def _write(motions: Motions, target: Path, isb: bool, sources: Sequence[Path]) -> None:
     """Write motions in the form that the name of the target asks for; raise an InputError for an unknown ending."""
     kind = target.suffix.lower()
     _check_replaceable(target)
@@ -92,7 +93,7 @@ def _write(motions: Motions, target: Path, isb: bool) -> None:
     elif kind == ".mot":
         write_one_mot(motions, target, isb)
     elif not kind:
-        write_mot_folder(motions, target, isb)
+        write_mot_folder(motions, target, isb, sources)
     else:
         cause = f"files that end in {kind!r} are not written"
         raise InputError(str(target), None, cause, "Known are .csv, .mot, a folder for .mot files, .parquet and .osim")
@@ -118,11 +119,14 @@ def write_one_mot(motions: Motions, target: Path, isb: bool) -> None:
     write_mot(table_from_motions(parts[0], isb, str(target)), target)
 
 
-def write_mot_folder(motions: Motions, folder: Path, isb: bool) -> None:
-    """Write one .mot file for each motion of each subject."""
+def write_mot_folder(motions: Motions, folder: Path, isb: bool, sources: Sequence[Path]) -> None:
+    """Write one .mot file for each motion of each subject; raise an InputError if one would replace a source."""
     parts = split(motions)
+    names = list(file_names([f"{part.subject[0]}_{part.motion[0]}" for part in parts]))
+    read = [path for source in sources for path in (source.rglob("*.mot") if source.is_dir() else [source])]
+    for name in names:
+        refuse_replacing(folder / f"{name}.mot", read)
     make_folder(folder)
-    names = file_names([f"{part.subject[0]}_{part.motion[0]}" for part in parts])
     for part, name in zip(parts, names, strict=True):
         write_mot(table_from_motions(part, isb, str(folder / name)), folder / f"{name}.mot")
 

@@ -9,7 +9,7 @@ import typer
 from adapt.cli.choices import CLAVICLE_Z, DEFAULT_MODEL, HALF_WIDTH_PX, VECTOR_PX
 from adapt.cli.ending import EXIT_SOME_NOT_HANDLED, finish
 from adapt.cli.options import AaToAc, ClavicleZ, GhFromAc, Names, ScFromIj, Shoulder, SurfaceUnit, console, errors
-from motions.errors import InputError, named
+from motions.errors import InputError
 
 Statics = Annotated[
     list[Path] | None,
@@ -135,20 +135,23 @@ def model_of_person(
     measured come from another set, carried to the person's bones. Every number has its source and its SD. The file is
     for `girdle adapt --model`, a folder of such files for `--models-of`.
     """
-    from adapt.cli.landmarks.asked_labels import asked_labels  # slow import: file readers
+    from adapt.cli.landmarks.asked_labels import asked_labels, asked_unit_mm  # slow import: file readers
     from adapt.cli.landmarks.person import SurfaceFiles, write_person_sets
     from adapt.cli.terminal.print_person import print_persons
-    from models import load_model
-    from motions.landmarks.mapping import UNITS_MM, read_mapping
+    from models.parameter_sets import load_model, model_file
+    from motions.landmarks.mapping import read_mapping
 
     labels = asked_labels(subject, "", side, "", aa_to_ac, sc_from_ij)
     if (surface is None) != (generic_surface is None):
         lacking = "--surface" if surface is None else "--generic-surface"
         raise InputError(lacking, None, "one scapula has a surface, the other none", "Give both, or none")
-    unit_mm = named(surface_unit, UNITS_MM, "--surface-unit", "unit")
+    unit_mm = asked_unit_mm(surface_unit, (surface, generic_surface))
     files = SurfaceFiles(generic_surface, surface, unit_mm) if surface and generic_surface else None
     generic, mapping = load_model(model), read_mapping(names)
-    written, rejected = write_person_sets(source, out, generic, mapping, labels, rest, points, files, static or [])
+    also_read = (names, model_file(model))
+    written, rejected = write_person_sets(
+        source, out, generic, mapping, labels, rest, points, files, static or [], also_read
+    )
     print_persons(console, written)
     for error in rejected:
         errors.print(f"left out: {error}", soft_wrap=True)

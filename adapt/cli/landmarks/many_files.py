@@ -60,9 +60,13 @@ def read_several(
 
 
 def calibration_for(trial: Path, statics: Sequence[Path], mapping: Mapping, labels: Labels) -> Calibration | None:
-    """Read the static trials of a trial: paths that exist, else files of these names in the trial's folder."""
-    own = [path if path.exists() else trial.parent / path for path in statics]
-    return read_calibration(own, mapping, labels)
+    """Read the static trials of a trial; None without any."""
+    return read_calibration(static_files(trial, statics), mapping, labels)
+
+
+def static_files(trial: Path, statics: Sequence[Path]) -> list[Path]:
+    """Return the static trials of a trial: paths that exist, else files of these names in the trial's folder."""
+    return [path if path.exists() else trial.parent / path for path in statics]
 
 
 def _files(sources: Sequence[Path], target: Path | None, statics: Sequence[Path]) -> list[tuple[Path, str]]:

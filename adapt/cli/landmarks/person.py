@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adapt.cli.landmarks.many_files import calibration_for
+from adapt.cli.landmarks.many_files import calibration_for, static_files
 from models.export.toml import parameters_toml
 from models.parameter_sets import ParameterSet, parameter_document, parameter_set
 from models.person.attachments import ScapularSurfaces
@@ -15,8 +15,9 @@ from models.person.person_set import PersonSet, person_set
 from models.person.sizes import DEEPEST_MM
 from models.person.transfer.mesh import read_mesh
 from motions.errors import InputError, warn_input
-from motions.files import atomic_write, file_names, make_folder, printable
+from motions.files import atomic_write, file_names, make_folder, printable, refuse_replacing
 from motions.formats.person_file import PersonLandmarks, read_persons
+from motions.landmarks.clusters.calibration import SAME_POSTURE_DEG
 from motions.landmarks.frames import scapula_frame
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
@@ -55,23 +56,31 @@ def write_person_sets(
     points: Path | None,
     surface_files: SurfaceFiles | None = None,
     statics: Sequence[Path] = (),
+    also_read: Sequence[Path | None] = (),
 ) -> tuple[list[Written], list[InputError]]:
     """Write a parameter set for every subject in the source; return the sets, and the errors of subjects without one.
 
     ``target``: a file that ends in .toml for one subject, else a folder. ``surface_files``: for a single subject only.
-    ``statics``: trials with palpated landmarks, which clusters carry into the source. Raise an InputError if no set can
-    be written.
+    ``statics``: trials with palpated landmarks, which clusters carry into the source. ``also_read``: files of the
+    mapping and the generic set. Raise an InputError if no set can be written, or if one would replace a file that is
+    read.
     """
     calibration = calibration_for(source, statics, mapping, labels)
     persons, rejected = read_persons(source, mapping, labels, points, calibration)
+    if calibration is None and mapping.clusters:
+        _warn_of_clusters(persons, mapping, source)
     if surface_files is not None and len(persons) > 1:
         cause = f"{source} has {len(persons)} subjects, and a surface is of one"
         raise InputError("--surface", None, cause, "Give the landmarks of the one whose surface it is")
     if target.suffix.lower() == TOML and len(persons) > 1:
         cause = f"{source} has {len(persons)} subjects and {target.name} holds one"
         raise InputError(str(target), None, cause, "Name a folder instead, without an ending")
+    meshes = () if surface_files is None else (surface_files.generic, surface_files.person)
+    paths = list(_paths(persons, target))
+    for path in paths:
+        refuse_replacing(path, (source, points, *meshes, *static_files(source, statics), *also_read))
     written = []
-    for person, path in zip(persons, _paths(persons, target), strict=True):
+    for person, path in zip(persons, paths, strict=True):
         try:
             at = person.named(rest) if rest else _lowest(person)
             surfaces = None if surface_files is None else _surfaces(person, surface_files, mapping)
@@ -89,6 +98,15 @@ def write_person_sets(
     if not written:
         raise rejected[0]
     return written, rejected
+
+
+def _warn_of_clusters(persons: Sequence[PersonLandmarks], mapping: Mapping, source: Path) -> None:
+    """Warn (InputWarning) of clusters that carry nothing, except in a static trial itself: the arm holds still."""
+    known = [one.elevation_deg[np.isfinite(one.elevation_deg)] for one in persons]
+    if any(len(one) and np.ptp(one) > SAME_POSTURE_DEG for one in known):
+        cause = f"without --static the clusters of the mapping carry nothing ({', '.join(mapping.clusters)})"
+        remedy = "Give the static trials, or take [clusters] out of the mapping: the landmarks are those of this file"
+        warn_input(InputError(str(source), None, cause, remedy))
 
 
 def _paths(persons: list[PersonLandmarks], target: Path) -> Iterator[Path]:

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
+from adapt.cli.landmarks.asked_labels import asked_unit_mm
 from adapt.cli.options import console
 from adapt.cli.terminal.console import folding_table
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
@@ -16,9 +17,7 @@ from models.person.transfer.carried_attachments import Bone, Carried, carry_atta
 from models.person.transfer.contour_distances import LINE, PLANE, POINT, SHAPES
 from models.person.transfer.mesh import read_mesh
 from motions import InputError
-from motions.errors import named
 from motions.formats.named_points import NamedPoints, read_landmarks, read_named_points
-from motions.landmarks.mapping import UNITS_MM
 
 
 def transfer_attachments(
@@ -35,7 +34,7 @@ def transfer_attachments(
     ``landmarks``, ``surfaces``: files of the source and of the target.
     """
     (from_landmarks, to_landmarks), (from_surface, to_surface) = landmarks, surfaces
-    unit_mm = named(surface_unit, UNITS_MM, "--surface-unit", "unit")
+    unit_mm = asked_unit_mm(surface_unit, surfaces)
     files = [attachments, from_landmarks, to_landmarks, from_surface, to_surface, measured]
     given, shapes = _attachments(attachments)
     source, target = _bone(from_landmarks, from_surface, unit_mm), _bone(to_landmarks, to_surface, unit_mm)

@@ -52,7 +52,7 @@ def verdicts(parameters: pd.DataFrame, heldout: pd.DataFrame, summary: pd.DataFr
         if not good:
             yield f"{model}: none of {len(rows)} subjects adapted."
             continue
-        said = f"gap {what}: {gap}" if gap else f"gap on the postures adapted to: {_in_sample_gap(summary, model)}"
+        said = f"gap {what}: {gap}" if gap else _in_sample_gap(summary, model)
         end = f"at a bound, not to be read: {at_bound}" if at_bound else "no parameter at a bound"
         yield f"{model}: {good} of {len(rows)} subjects adapted; {said}; {end}."
 
@@ -66,10 +66,13 @@ def _in_sample_gap(summary: pd.DataFrame, model: object) -> str:
     rows = summary[(summary["model"] == model) & (summary["motion"] == ALL_MOTIONS) & (summary["subject"] == "mean")]
     before, after = (rows[rows["adapted"] == state] for state in (0, 1))
     pairs = {bone: (before[f"{bone}_deg"].mean(), after[f"{bone}_deg"].mean()) for bone in BONES}
-    return _falls(pairs)
+    gap = _falls(pairs)
+    return f"gap on the postures adapted to: {gap}" if gap else "no gap, as no posture could be fitted"
 
 
 def _falls(pairs: dict[str, tuple[float, float]]) -> str:
-    """Write 'clavicle 3.0 -> 2.6 deg, scapula 8.2 -> 4.5 deg', without bones that were not measured."""
-    known = {bone: pair for bone, pair in pairs.items() if not any(map(pd.isna, pair))}
-    return ", ".join(f"{bone} {before:.1f} -> {after:.1f} deg" for bone, (before, after) in known.items())
+    """Write 'clavicle 3.0 -> 2.6 deg, scapula 8.2 -> 4.5 deg', without bones that were not measured; where no posture
+    could be fitted before, 'clavicle not fitted -> 2.6 deg'."""
+    known = {bone: pair for bone, pair in pairs.items() if not pd.isna(pair[1])}
+    before = {bone: "not fitted" if pd.isna(pair[0]) else f"{pair[0]:.1f}" for bone, pair in known.items()}
+    return ", ".join(f"{bone} {before[bone]} -> {after:.1f} deg" for bone, (_, after) in known.items())

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT
 from adapt.solvers.problems import Problems
 from adapt.solvers.unmeasured import at_rest
-from models.parameter_sets import SHORTEST_MM
+from models.sets.set_geometry import SHORTEST_MM
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from scripts.completion import POINT_AZIMUTHS_DEG
 
