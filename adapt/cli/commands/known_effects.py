@@ -32,7 +32,7 @@ class Known:
         return [*([f"with {effects}"] if effects else []), *([f"{DOWN_WEIGHTED} {k:g} times"] if k != 1.0 else [])]
 
 
-def read_known(words: Sequence[str], thorax_downweighting: float = 1.0) -> Known:
+def read_known(words: Sequence[str], thorax_downweighting: float = 1.0, weight: float = WEIGHT) -> Known:
     """Read the values of ``--effect`` and ``--thorax-downweighting``; raise an InputError for an invalid value.
 
     ``--effect thorax_points=30``, as written in diagnosis.json, means ``--thorax-downweighting 30``.
@@ -42,7 +42,7 @@ def read_known(words: Sequence[str], thorax_downweighting: float = 1.0) -> Known
         raise InputError(THORAX_OPTION, None, f"it is there twice, {OPTION} {as_effect[0]} is the same", "Give it once")
     effects = read_amplitudes([word for word in words if not _is_thorax(word)])
     known = Known(effects, _number(as_effect[0]) if as_effect else thorax_downweighting)
-    down_weighted(WEIGHT, known.thorax_downweighting, THORAX_OPTION)  # raises for an invalid factor, before any fit
+    down_weighted(weight, known.thorax_downweighting, THORAX_OPTION)  # raises for an invalid factor, before any fit
     return known
 
 
