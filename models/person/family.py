@@ -36,7 +36,8 @@ def as_list(models: AnyModel | Sequence[AnyModel]) -> list[AnyModel]:
 
     InputError where there is no model, where a model is given as a mere name, or where two models have the same name.
     """
-    every = list(models) if isinstance(models, Iterable) and not isinstance(models, str) else [models]
+    alone = isinstance(models, AnyModel | str) or not isinstance(models, Iterable)
+    every: list[AnyModel] = [models] if alone else list(models)  # type: ignore[list-item, arg-type]
     for one in every:
         if not isinstance(one, AnyModel):
             what = repr(one) if isinstance(one, str) else f"a {type(one).__name__}"

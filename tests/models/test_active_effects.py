@@ -255,7 +255,7 @@ def test_the_command_line_down_weights_thorax_points_by_its_option_or_as_an_effe
 @pytest.mark.parametrize("option", ["--thorax-downweighting=0", "--effect=thorax_points=0"])
 def test_a_down_weighting_that_cannot_be_is_refused(option, tmp_path):
     ended = girdle("adapt", "no.csv", option, "--out", tmp_path / "out")
-    refused(ended, "--thorax-downweighting", "is 0", "Give a positive number")
+    refused(ended, "--thorax-downweighting", "is 0", "Give a number from 1 to 10000")
     assert not (tmp_path / "out").exists()
 
 

@@ -1,8 +1,7 @@
 """Labels of a landmark file, from the options of ``girdle convert`` and ``girdle model``."""
 
-import numpy as np
-
 from motions.errors import InputError, named
+from motions.formats.any_file import elevations
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.sampled_postures import Labels
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
@@ -23,11 +22,9 @@ def asked_labels(
 
 def _elevations(at: str) -> tuple[float, ...]:
     """Read the numbers of ``--at``, each once, in ascending order."""
-    try:
-        found = tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
-    except ValueError:
-        found = (np.nan,)
-    if not all(0.0 <= elevation <= 180.0 for elevation in found):
+    words = [word for word in at.split(",") if word.strip()]
+    found = elevations([float("nan")] if at and not words else words)
+    if found is None:
         cause = f"'{at}' is not a list of elevations"
         raise InputError("--at", None, cause, "Give degrees from 0 to 180 separated by commas, as in --at 30,60,90")
     return found
