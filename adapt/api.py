@@ -185,19 +185,8 @@ def adapt_subjects(
         raise InputError("own_bones", None, f"this is {own_bones!r}", remedy)
     if own_bones is not False:
         check_own_bones(effects, objective, thorax_downweighting, weight)
-    result = adapt_checked(
-        motions,
-        models,
-        weight,
-        objective,
-        progress,
-        held_out,
-        dtype,
-        effects,
-        thorax_downweighting,
-        folds,
-        own_bones,
-    )
+    as_asked = (weight, objective, progress, held_out, dtype, effects, thorax_downweighting, folds, own_bones)
+    result = adapt_checked(motions, models, *as_asked)
     if OBJECTIVES[objective].landmarks and (without := without_landmarks(result.parameters)):
         cause = f"no positions of TS and AI: {listed(without, _MOST_NAMED)}"
         warn_input(InputError("objective", None, cause, "They are adapted without them"))

@@ -63,8 +63,8 @@ class Girdle:
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """Compute A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`.
 
-        A single girdle accepts any batch of angles, ``(6, *batch)``. Raises ValueError if an angle exceeds a full turn,
-        as angles in degrees do; under ``jit`` nothing is checked.
+        A single girdle accepts any batch of angles, ``(6, *batch)``. Raises ValueError for another shape, or if an
+        angle exceeds a full turn, as angles in degrees do; under ``jit`` only the shape is checked.
         """
         refuse_degrees(angles)
         more = np.ndim(angles) - np.ndim(self.sc_mm)

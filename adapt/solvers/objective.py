@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 
 from motions.arrays import Array, xp
 from motions.errors import InputError
@@ -149,9 +150,13 @@ def check_objective(objective: str, place: str = "objective") -> None:
         raise InputError(place, None, f"unknown variant '{objective}'", f"Use one of {', '.join(OBJECTIVES)}")
 
 
+def _is_number(value: ArrayLike) -> bool:
+    return not np.ndim(value) and np.asarray(value).dtype.kind in "fiu"
+
+
 def check_weight(weight: float, place: str = "weight") -> None:
     """Check that w is a number above 0, at most ``MOST_WEIGHT``; raise an InputError that names the place if not."""
-    if np.ndim(weight) or np.asarray(weight).dtype.kind not in "fiu":
+    if not _is_number(weight):
         raise InputError(place, None, f"w is {weight!r}", f"Give one number, as {WEIGHT:g}")
     if weight == 0.0:
         cause = "with w = 0 the measured angles have no part in E, and nothing is adapted to them"
@@ -169,7 +174,7 @@ def down_weighted(weight: float, thorax_downweighting: float, place: str = "thor
 
     Raise an InputError that names the place where k is no number from 1, or where k w exceeds ``MOST_WEIGHT``.
     """
-    if np.ndim(thorax_downweighting) or not 1.0 <= thorax_downweighting <= MOST_WEIGHT / weight:
+    if not _is_number(thorax_downweighting) or not 1.0 <= thorax_downweighting <= MOST_WEIGHT / weight:
         remedy = f"Give a number from 1 to {MOST_WEIGHT / weight:g}, as 30: the prior thorax points count a thirtieth"
         raise InputError(place, None, f"the down-weighting of thorax points is {thorax_downweighting}", remedy)
     return weight * thorax_downweighting

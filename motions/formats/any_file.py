@@ -108,7 +108,9 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
     if kind == ".csv":
         _check_columns(path)
         _check_unused(labels, path, "subjects, motions and postures")
-        return read_motions(path)
+        motions = read_motions(path)
+        _warn_of_unused_beside_angles(motions, mapping, labels, path, static=calibration is not None)
+        return motions
     if not path.exists():
         raise InputError(str(path), None, "there is no such file or folder", "Check its name")
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
@@ -202,7 +204,7 @@ def _warn_of_unused(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) ->
 def _warn_of_unused_beside_angles(
     motions: Motions, mapping: Mapping, labels: Labels, path: Path, *, static: bool
 ) -> None:
-    """Warn of options and parts of the mapping that place or turn landmarks: a file of angles has none.
+    """Warn of options and parts of the mapping that place or turn landmarks: a file of angles takes none.
 
     A mapping that names columns too is that of both kinds of file.
     """
@@ -216,8 +218,8 @@ def _warn_of_unused_beside_angles(
     if not (mapping.columns or mapping.scapula_relative_to):
         asked |= dict.fromkeys(_parts_of_landmarks(mapping), True)
     if unused := [name for name, is_there in asked.items() if is_there]:
-        through = " through AA" if unused == ["--aa-to-ac"] else ""
-        cause = f"it has angles and no landmarks{through}, so {', '.join(unused)} changes nothing"
+        through = ", through AC" if "--aa-to-ac" in unused else ""
+        cause = f"its angles are read as they are{through}, so {', '.join(unused)} changes nothing"
         warn_input(InputError(str(path), None, cause, "Leave it out"))
 
 

@@ -263,7 +263,7 @@ def test_from_python(tmp_path):
     assert worst(found, trial) < EXACT
     for at_deg, said in ((60, "60"), ("60", "'60'"), ([60.0, np.nan], "nan"), ([-20.0], "-20"), (["x"], "x")):
         with pytest.raises(InputError, match=rf"at_deg: .*{said}.* is not a list of elevations"):
-            read_trial(moving, at_deg=at_deg)
+            read_trial(moving, at_deg=at_deg)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="side is 'up'"):
         read_trial(moving, side="up")  # type: ignore[arg-type]
 

@@ -139,8 +139,10 @@ def test_angles_by_a_turn_are_the_same(tmp_path):
 def test_options_of_landmarks_change_nothing_of_angles(tmp_path):
     _, path = angles_as(tmp_path, ["humerus_elevation", *ANGLES])
     asked = Labels("P", "m", aa_to_ac=KOLZ, sc_from_ij=KAPTEIN, gh_from_ac=KAPTEIN_GH, clavicle_z="global")
-    with pytest.warns(InputWarning, match="no landmarks, so --aa-to-ac, --sc-from-ij, --gh-from-ac, --clavicle-z"):
+    with pytest.warns(InputWarning, match="through AC, so --aa-to-ac, --sc-from-ij, --gh-from-ac, --clavicle-z"):
         read_any(path, Mapping(), asked)
+    with pytest.warns(InputWarning, match="as they are, so --sc-from-ij changes nothing. Leave it out"):
+        read_any(DATA_FILE, Mapping(), Labels("", "", sc_from_ij=KAPTEIN))
     of_landmarks = Mapping(
         unit="m", axes=("x", "z", "-y"), markers={"IJ": "jug"}, clusters={"scapula": ("a", "b", "c")}
     )

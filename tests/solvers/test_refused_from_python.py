@@ -22,6 +22,10 @@ ARGUMENTS = {
     "no weight": ({"weight": 0}, "weight: with w = 0 the measured angles have no part in E"),
     "a text": ({"weight": "10"}, "weight: w is '10'. Give one number, as 10"),
     "several": ({"weight": np.array([10.0, 1.0])}, "Give one number, as 10"),
+    "down-weighting": (
+        {"thorax_downweighting": "30"},
+        "thorax_downweighting: the down-weighting of thorax points is 30",
+    ),
     "objective": ({"objective": "x"}, "objective: unknown variant 'x'. Use one of mm2_deg2"),
     "effects": ({"effects": ["thorax_tilt"]}, "effects: this is a list. Give amplitudes by name"),
     "nothing": ({"own_bones": None}, "own_bones: this is None. Give True, False, SDs by name"),
