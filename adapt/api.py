@@ -1,7 +1,7 @@
 """Python interface of posture fit and adaptation: motions and models in, arrays and tables out."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -17,7 +17,14 @@ from adapt.evaluation.position_check import Judge, adapted_to_all, as_they_are
 from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
-from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT, check_weight, down_weighted
+from adapt.solvers.objective import (
+    DEFAULT_OBJECTIVE,
+    OBJECTIVES,
+    WEIGHT,
+    check_objective,
+    check_weight,
+    down_weighted,
+)
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold, motions_and_thirds, motions_or_thirds
@@ -31,15 +38,20 @@ from adapt.tables.results import (
     parameters_table,
     rows_of_subjects,
     summary_table,
+    without_landmarks,
 )
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, as_measured, sizes_of_persons
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, as_measured, sizes_of_persons, warn_of_sizes
 from models.person.family import AnyModel, as_list, girdles_of
 from models.person.own_bones import NO_SDS, OwnSDs
 from models.person.positions.measured_movement import warn_of_unmeasured
-from motions.errors import InputError
-from motions.table import Motions, check_motions
+from motions.errors import InputError, did_you_mean, listed, warn_input
+from motions.motion_csv.typed_motions import check_motions
+from motions.table import Motions
 
 Progress = Callable[[str], None]
+
+_MOST_NAMED = 10
+"""Largest number of names in a message."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,7 +101,8 @@ def fit_postures(
 
     ``dtype`` and ``effects``: see :func:`adapt_subjects`.
     """
-    models, motions = as_list(models), _checked(motions)
+    models, motions = as_list(models), checked(motions)
+    warn_of_sizes(effects)
     rows = posture_rows(motions, effects)
     warn_of_unmeasured(as_measured(effects), motions)
     fitted = _by_model(models, _before(motions, rows, models, progress, _type_of(dtype, effects)))
@@ -163,15 +176,47 @@ def adapt_subjects(
     (``adapt.evaluation.own_or_plain``); column ``own_bones`` says so.
     """
     check_weight(weight)
-    models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
+    check_objective(objective)
+    motions = checked(motions)
+    _check_held_out(held_out, motions.subjects)
+    warn_of_sizes(effects)
+    if not isinstance(own_bones, bool | Mapping | People):
+        remedy = "Give True, False, SDs by name, or what learn_people has learnt"
+        raise InputError("own_bones", None, f"this is {own_bones!r}", remedy)
+    if own_bones is not False:
+        check_own_bones(effects, objective, thorax_downweighting, weight)
+    as_asked = (weight, objective, progress, held_out, dtype, effects, thorax_downweighting, folds, own_bones)
+    result = adapt_checked(motions, models, *as_asked)
+    if OBJECTIVES[objective].landmarks and (without := without_landmarks(result.parameters)):
+        cause = f"no positions of TS and AI: {listed(without, _MOST_NAMED)}"
+        warn_input(InputError("objective", None, cause, "They are adapted without them"))
+    return result
+
+
+def adapt_checked(
+    motions: Motions,
+    models: AnyModel | Sequence[AnyModel],
+    weight: float = WEIGHT,
+    objective: str = DEFAULT_OBJECTIVE,
+    progress: Progress = lambda _: None,
+    held_out: Collection[str] | None = None,
+    dtype: DTypeLike = np.float64,
+    effects: Amplitudes = NO_EFFECTS,
+    thorax_downweighting: float = 1.0,
+    folds: Callable[[Motions], list[Fold]] = motions_or_thirds,
+    own_bones: bool | OwnSDs | People = False,
+) -> Adaptations:
+    """Adapt as :func:`adapt_subjects` does, for a part of the subjects of a run with checked motions and options.
+
+    ``held_out`` may name subjects of other parts.
+    """
+    models, weight = as_list(models), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects
     rows = posture_rows(motions, effects)
     warn_of_unmeasured(as_measured(effects), motions)
     as_they_are = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
-    if own_bones is not False:
-        check_own_bones(effects, objective, thorax_downweighting)
     people = _people(own_bones, rows, models, held_out=bool(parts))
     found = adapt_with_folds(rows, models, parts, weight, objective, progress, dtype, people)
     progress("uncertainty")
@@ -241,8 +286,8 @@ def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel 
     return pd.concat(tables, ignore_index=True)
 
 
-def check_own_bones(effects: Amplitudes, objective: str, thorax_downweighting: float) -> None:
-    """Raise an InputError for options that have no part in the objective of own bones."""
+def check_own_bones(effects: Amplitudes, objective: str, thorax_downweighting: float, weight: float = WEIGHT) -> None:
+    """Raise an InputError for options that have no part in the objective of own bones; warn of w."""
     cause = ""
     if objective != DEFAULT_OBJECTIVE or thorax_downweighting != 1.0:
         cause = "the objective of own bones has no D: no variant of E and no down-weighting changes it"
@@ -250,6 +295,22 @@ def check_own_bones(effects: Amplitudes, objective: str, thorax_downweighting: f
         cause = "sizes of effects of each person's own are not fitted beside them"
     if cause:
         raise InputError("--own-bones", None, cause, "Leave one of the two out")
+    if weight != WEIGHT:
+        cause = f"w = {weight:g} changes no adaptation with own bones, only the plain ones kept where they fail"
+        warn_input(InputError("--own-bones", None, cause, "Leave --weight out"))
+
+
+def _check_held_out(held_out: Collection[str] | None, subjects: Sequence[str]) -> None:
+    """Raise an InputError where this is no collection, or names somebody who is no subject."""
+    if held_out is None:
+        return
+    if isinstance(held_out, str):
+        cause = f"{held_out!r} is a text, not a collection of names"
+        raise InputError("held_out", None, cause, f"Give [{held_out!r}]")
+    known = set(subjects)
+    if unknown := [name for name in held_out if name not in known]:
+        remedy = f"{did_you_mean(str(unknown[0]), subjects)}Give names of motions.subjects"
+        raise InputError("held_out", None, f"there is no subject {unknown[0]!r}", remedy)
 
 
 def adapt_with_every_fold(
@@ -266,22 +327,22 @@ def adapt_with_every_fold(
     )
 
 
-def _checked(motions: Motions) -> Motions:
-    """Check the motions, and treat infinite angles, which no file contains, as not measured (NaN).
-
-    Raise an InputError where a subject or a motion has a name that the tables use for their own rows.
-    """
-    check_motions(motions)
+def checked(motions: Motions) -> Motions:
+    """Check the motions (``check_motions``), also for names that the tables use for their own rows."""
+    motions = check_motions(motions)
     for word, names, reserved in (("subject", motions.subject, STATISTICS), ("motion", motions.motion, (ALL_MOTIONS,))):
         taken = sorted(set(names.tolist()) & set(reserved))
         if taken:
             cause = f"a {word} is called '{taken[0]}', which is a row of the summary"
             raise InputError("motions", None, cause, "Give it another name")
-    return replace(motions, angles_deg=np.where(np.isfinite(motions.angles_deg), motions.angles_deg, np.nan))
+    return motions
 
 
 def _type_of(dtype: DTypeLike, effects: Amplitudes) -> DTypeLike:
-    """Return the floating-point type of the fits: float64 with effects, else ``dtype``."""
+    """Return the floating-point type of the fits: float64 with effects, else ``dtype``. InputError for another type:
+    a fit in whole numbers or half precision ends anywhere."""
+    if np.dtype(dtype) not in (np.float32, np.float64):
+        raise InputError("dtype", None, f"fits cannot be of type {np.dtype(dtype)}", "Give np.float64 or np.float32")
     return np.float64 if effects else dtype
 
 

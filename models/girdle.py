@@ -24,7 +24,10 @@ CONSTRAINTS = tuple(CONSTRAINT_NAMES)
 
 
 def refuse_degrees(angles: Float[Array, " 6 *batch"]) -> None:
-    """Raise ValueError if an angle exceeds a full turn, as angles in degrees do; under ``jit`` nothing is checked."""
+    """Raise ValueError if there are not six angles along the first axis, or if one exceeds a full turn, as angles in
+    degrees do; under ``jit`` only the shape is checked."""
+    if np.shape(angles)[:1] != (6,):
+        raise ValueError(f"component first: angles of shape {np.shape(angles)} should have shape (6, ...)")
     if not isinstance(angles, Tracer) and np.max(np.abs(np.nan_to_num(angles)), initial=0.0) > 2.0 * np.pi:
         raise ValueError("angles are in radians: give np.deg2rad(motions.angles_deg).T")
 
@@ -60,8 +63,8 @@ class Girdle:
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """Compute A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`.
 
-        A single girdle accepts any batch of angles, ``(6, *batch)``. Raises ValueError if an angle exceeds a full turn,
-        as angles in degrees do; under ``jit`` nothing is checked.
+        A single girdle accepts any batch of angles, ``(6, *batch)``. Raises ValueError for another shape, or if an
+        angle exceeds a full turn, as angles in degrees do; under ``jit`` only the shape is checked.
         """
         refuse_degrees(angles)
         more = np.ndim(angles) - np.ndim(self.sc_mm)

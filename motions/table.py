@@ -124,15 +124,6 @@ class Motions:
         )
 
 
-def check_motions(motions: object) -> None:
-    """Raise InputError if this is not Motions, or has no posture."""
-    if not isinstance(motions, Motions):
-        cause = f"this is a {type(motions).__name__}, not Motions"
-        raise InputError("motions", None, cause, "Read a motion file: motions.read_motions(file)")
-    if not len(motions.posture):
-        raise InputError("motions", None, "there is no posture in them", "Select one at least")
-
-
 def warn_of_alike_motions(motions: Motions, file: str) -> None:
     """Warn of motions or subjects with nearly the same name, which count as different.
 

@@ -17,7 +17,6 @@ from adapt.cli.choices import (
     UNITS_MM,
 )
 from adapt.cli.terminal.console import PlainConsole
-from motions.errors import InputError
 
 THORAX_OPTION = "--thorax-downweighting"
 
@@ -67,10 +66,7 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
         errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
 
 
-def _not_without_motions(weight: float) -> float:
-    if weight == 0.0:
-        cause = "with w = 0 the measured angles have no part in E, and nothing is adapted to them"
-        raise InputError("--weight", None, cause, "Give a positive number, as 10, or use girdle fit")
+def _checked(weight: float) -> float:
     from adapt.solvers.objective import check_weight  # slow import: JAX
 
     check_weight(weight, "--weight")
@@ -79,7 +75,7 @@ def _not_without_motions(weight: float) -> float:
 
 Weight = Annotated[
     float,
-    typer.Option(min=0.0, metavar="W", callback=_not_without_motions, help="w of E = D + w mean(J), thesis Eq. 6.5."),
+    typer.Option(min=0.0, metavar="W", callback=_checked, help="w of E = D + w mean(J), thesis Eq. 6.5."),
 ]
 
 Objective = Annotated[

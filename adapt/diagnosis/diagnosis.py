@@ -61,7 +61,8 @@ from models.effects import Effect
 from models.effects.effect import cause_of
 from models.effects.own_effects import check_own_effects
 from models.person.family import AnyModel, as_list, unique_sets
-from motions.table import Motions, check_motions
+from motions.motion_csv.typed_motions import check_motions
+from motions.table import Motions
 
 Progress = Callable[[str], None]
 
@@ -91,7 +92,7 @@ def diagnose(
     Raises InputError if ``motions`` has no postures or no subject has enough of them. Raises ValueError if there is no
     candidate, or a user-defined effect changes nothing or does not vanish at amplitude 0.
     """
-    check_motions(motions)
+    motions = check_motions(motions)
     if effects is not None and not effects:
         raise ValueError("effects: give one candidate or more")
     models = as_list(models)

@@ -59,8 +59,9 @@ class PositionTask:
 
     @staticmethod
     def of(motions: Motions, way: str, noise_mm: float | None) -> "PositionTask":
-        """Check the arguments; raise InputError for invalid ones."""
+        """Check the arguments; raise InputError for invalid ones, and for those that need positions without any."""
         chosen = check_use(way, noise_mm)
+        check_there(motions, way, noise_mm)
         return PositionTask(chosen, without_positions(motions) if chosen == "ignore" else motions, noise_mm)
 
     @property
@@ -92,12 +93,27 @@ class PositionTask:
         return _SAME_ERRORS if both else ""
 
 
+def check_there(motions: Motions, way: str, noise_mm: float | None) -> None:
+    """Raise InputError where positions are to be checked, or have a given noise, and none was measured."""
+    if way != "check" and noise_mm is None:
+        return
+    measured = (place for name, place in measured_places_mm(motions).items() if name in POSITIONS)
+    if not any(np.isfinite(place).any() for place in measured):
+        option = "--positions check" if way == "check" else "--position-noise-mm"
+        cause = f"the motions have no position of {', '.join(POSITIONS)}"
+        raise InputError(option, None, cause, f"Leave {option} out, or add their columns")
+
+
 def check_use(way: str, noise_mm: float | None) -> PositionUse:
-    """Check ``way`` and the noise; raise InputError for words not in USES and for impossible noise."""
+    """Check ``way`` and the noise; raise InputError for words not in USES, impossible noise, and noise of positions
+    that are ignored."""
     if noise_mm is not None and not LEAST_MM <= noise_mm <= MOST_MM:
         cause = f"{noise_mm:g} is not between {LEAST_MM:g} and {MOST_MM:g} mm"
         remedy = "Give the SD of one coordinate in mm, or leave it to be estimated"
         raise InputError("--position-noise-mm", None, cause, remedy)
+    if way == "ignore" and noise_mm is not None:
+        cause = "--positions ignore takes the positions, whose noise is given, out"
+        raise InputError("--position-noise-mm", None, cause, "Leave one of the two out")
     for one in USES:
         if one == way:
             return one

@@ -11,15 +11,25 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Bool, Float
 
-from adapt.differentiable.closest_posture import PostureFit, Postures, distances_mm, fit_from, target
+from adapt.differentiable.closest_posture import (
+    PostureFit,
+    Postures,
+    check_shape,
+    distances_mm,
+    fit_from,
+    say_compiling,
+    target,
+)
 from adapt.differentiable.constrained_optimum import NEAR, SOFTLY, following, reached, sum_of_squares
 from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from models.person.own_bones import NO_SDS, SIZES, OwnSDs, spread_about
 from motions.arrays import Array
+from motions.errors import InputError
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
@@ -82,7 +92,11 @@ def objective(
     D is the mean squared distance of the thorax points. Angles, ``measured``, ``start``, derivatives, compilation and
     errors are as in :func:`fit_posture`.
     """
-    (s, R), moved = target(angles, measured), girdle.with_adapted(jnp.asarray(theta_mm))
+    s, R = target(girdle, angles, measured, axes=2)
+    check_shape("theta_mm", theta_mm, (len(ADAPTED),))
+    _check_points(points_mm)
+    say_compiling()
+    moved = girdle.with_adapted(jnp.asarray(theta_mm))
     J = fit_from(jax.tree.map(jnp.asarray, moved), s, R, start).j_deg2
     D = jnp.mean(distances_mm(moved, jnp.asarray(points_mm)) ** 2)
     return D + weight * jnp.sum(J) / jnp.sum(jnp.any(R != 0.0, axis=0))  # J of padding is 0
@@ -116,8 +130,24 @@ def adapt_subject(
     The first call compiles for 20 s, a derivative for as long again. 14 postures then take 0.1 s, 56 some 0.7 s, 280
     some 4 s. Errors are as in :func:`fit_posture`.
     """
-    given = girdle, points_mm, bounds_mm, *target(angles, measured), weight, own_bones, start
+    s, R = target(girdle, angles, measured, axes=2)
+    _check_points(points_mm)
+    check_shape("bounds_mm", bounds_mm, (2, len(ADAPTED)))
+    if not isinstance(bounds_mm, Tracer) and not (np.asarray(bounds_mm[0]) <= np.asarray(bounds_mm[1])).all():
+        cause = "a lower bound is above its upper one, or is no number"
+        raise InputError("bounds_mm", None, cause, "Give (lower, upper), as model.bounds_mm")
+    if start is not None:
+        check_shape("start", start, (len(ADAPTED),) if own_bones is None else own_bones.columns_mm.shape[1:])
+    say_compiling()
+    given = girdle, points_mm, bounds_mm, s, R, weight, own_bones, start
     return _subject(*jax.tree.map(jnp.asarray, given))
+
+
+def _check_points(points_mm) -> None:
+    if np.ndim(points_mm) != 2 or np.shape(points_mm)[0] != 3:
+        raise InputError(
+            "points_mm", None, f"its shape is {np.shape(points_mm)}", "Give (3, points), as model.points_mm"
+        )
 
 
 @jax.jit

@@ -103,32 +103,66 @@ def fit_posture(
     padding: J and every derivative are 0. A posture with fewer than three is NaN. ``girdle`` has the same batch axes,
     or none. The result is the lowest J of several starts, or the J reached from ``start`` (rad) alone.
 
-    The first call compiles for some 8 s, a derivative as long again. InputError if the first axis does not have length
-    six, or if an angle is above a full turn, which ``jit`` cannot see.
+    The first call compiles for some 8 s, a derivative as long again. InputError for an input of another type or shape,
+    or if an angle is above a full turn, which ``jit`` cannot see. Masked angles are not measured.
     """
-    return fit_from(jax.tree.map(jnp.asarray, girdle), *target(angles, measured), start)
+    s, R = target(girdle, angles, measured)
+    if start is not None:
+        check_shape("start", start, s.shape)
+    say_compiling()
+    return fit_from(jax.tree.map(jnp.asarray, girdle), s, R, start)
 
 
 @cache
-def _say_compiling() -> None:
+def say_compiling() -> None:
     """Warn once per process that the first call compiles and seems to do nothing."""
     logging.getLogger(__package__).warning("the first call compiles for 8 to 20 s; later calls do not")
 
 
-def target(angles, measured) -> tuple[Array, Array]:
-    """Return s and R; raise an InputError for angles of the wrong shape or unit."""
-    _say_compiling()
-    remedy = "np.deg2rad(motions.angles_deg).T"
-    if jnp.shape(angles)[:1] != (6,):
-        raise InputError("angles", None, f"their shape is {jnp.shape(angles)}", f"Give (6, postures) in rad: {remedy}")
-    measured = np.ones(jnp.shape(angles), bool) if measured is None else measured
+_IN_RAD = "np.deg2rad(motions.angles_deg).T"
+
+
+def target(girdle: Girdle, angles, measured, axes: int | None = None) -> tuple[Array, Array]:
+    """Return s and R; raise an InputError for a girdle, angles or ``measured`` of the wrong type, shape or unit.
+
+    ``axes``: number of axes of the angles; any number if None.
+    """
+    if not isinstance(girdle, Girdle):
+        raise InputError("girdle", None, f"this is a {type(girdle).__name__}", "Give load_model(name).girdle")
+    angles, measured = _arrays(angles, measured)
+    shape = np.shape(angles)
+    if shape[:1] != (6,) or axes not in (None, len(shape)):
+        raise InputError("angles", None, f"their shape is {shape}", f"Give (6, postures) in rad: {_IN_RAD}")
+    check_shape("measured", measured, shape)
     if not any(isinstance(x, Tracer) for x in (angles, measured)):
         largest = np.max(np.abs(np.where(measured, angles, 0.0)), initial=0.0)
         if largest > 2.0 * np.pi:
-            raise InputError("angles", None, f"one is {largest:g} rad", f"Give radians: {remedy}")
+            raise InputError("angles", None, f"one is {largest:g} rad", f"Give radians: {_IN_RAD}")
     rest, count = (REST_DEG / DEG).reshape(6, *[1] * (jnp.ndim(angles) - 1)), jnp.sum(jnp.asarray(measured), axis=0)
     enough = jnp.where((count == 0) | (count >= FEWEST_ANGLES), DEG / jnp.sqrt(jnp.maximum(count, 1)), jnp.nan)
     return jnp.where(measured, angles, rest), jnp.where(measured, enough, 0.0)
+
+
+def _arrays(angles, measured) -> tuple[Array, Array]:
+    """Return both as arrays, with masked angles as not measured; raise an InputError where ``measured`` is no truth."""
+    if isinstance(angles, (list, tuple)):
+        angles = np.asarray(angles, float)
+    measured = np.ones(np.shape(angles), bool) if measured is None else measured
+    if not isinstance(measured, (np.ndarray, jax.Array)):
+        measured = np.asarray(measured)
+    if measured.dtype.kind not in "biu":
+        cause = f"its entries are of type {measured.dtype}, not True or False"
+        raise InputError("measured", None, cause, "Give np.isfinite(angles), or measured > 0")
+    measured = measured != 0
+    if isinstance(angles, np.ma.MaskedArray):
+        measured, angles = measured & ~np.ma.getmaskarray(angles), angles.filled(0.0)
+    return angles, measured
+
+
+def check_shape(name: str, value, wanted: tuple[int, ...]) -> None:
+    """Raise an InputError where an input has another shape than wanted."""
+    if np.shape(value) != wanted:
+        raise InputError(name, None, f"its shape is {np.shape(value)}", f"Give {wanted}")
 
 
 @jax.jit

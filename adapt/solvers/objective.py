@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 
 from motions.arrays import Array, xp
 from motions.errors import InputError
@@ -143,9 +144,24 @@ thesis leaves open."""
 DEFAULT_OBJECTIVE = "mm2_deg2"
 
 
+def check_objective(objective: str, place: str = "objective") -> None:
+    """Raise an InputError that names the place where this is no name of ``OBJECTIVES``."""
+    if objective not in tuple(OBJECTIVES):  # a tuple, because the value may be unhashable
+        raise InputError(place, None, f"unknown variant '{objective}'", f"Use one of {', '.join(OBJECTIVES)}")
+
+
+def _is_number(value: ArrayLike) -> bool:
+    return not np.ndim(value) and np.asarray(value).dtype.kind in "fiu"
+
+
 def check_weight(weight: float, place: str = "weight") -> None:
-    """Check that w is between 0 and ``MOST_WEIGHT``; raise an InputError that names the place if not."""
-    if not 0.0 <= weight <= MOST_WEIGHT:
+    """Check that w is a number above 0, at most ``MOST_WEIGHT``; raise an InputError that names the place if not."""
+    if not _is_number(weight):
+        raise InputError(place, None, f"w is {weight!r}", f"Give one number, as {WEIGHT:g}")
+    if weight == 0.0:
+        cause = "with w = 0 the measured angles have no part in E, and nothing is adapted to them"
+        raise InputError(place, None, cause, "Give a positive number, as 10, or use girdle fit (fit_postures)")
+    if not 0.0 < weight <= MOST_WEIGHT:
         remedy = (
             f"Give a number between 0 and {MOST_WEIGHT:g}, as {WEIGHT:g}: beyond it the thorax points no longer count"
         )
@@ -156,9 +172,9 @@ def down_weighted(weight: float, thorax_downweighting: float, place: str = "thor
     """Return the w with which prior thorax points, another person's, count 1/k: k w, because D / k + w mean(J) has its
     minimum where D + k w mean(J) has it.
 
-    Raise an InputError that names the place where k is not a positive number.
+    Raise an InputError that names the place where k is no number from 1, or where k w exceeds ``MOST_WEIGHT``.
     """
-    if not 0.0 < thorax_downweighting < np.inf:
-        remedy = "Give a positive number, as 30: the prior thorax points then count a thirtieth"
-        raise InputError(place, None, f"the down-weighting of thorax points is {thorax_downweighting:g}", remedy)
+    if not _is_number(thorax_downweighting) or not 1.0 <= thorax_downweighting <= MOST_WEIGHT / weight:
+        remedy = f"Give a number from 1 to {MOST_WEIGHT / weight:g}, as 30: the prior thorax points count a thirtieth"
+        raise InputError(place, None, f"the down-weighting of thorax points is {thorax_downweighting}", remedy)
     return weight * thorax_downweighting

@@ -260,6 +260,11 @@ def _statistics(block: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index(drop=True)[["subject", *block]]
 
 
+def without_landmarks(parameters: pd.DataFrame) -> list[str]:
+    """List the subjects that an objective with landmarks adapted without any position of TS and AI."""
+    return parameters[parameters["L_mm2"].isna() & (parameters["status"] == status.OK)]["subject"].unique().tolist()
+
+
 def parameters_table(
     subjects: Sequence[str],
     models: Sequence[AnyModel],

@@ -32,7 +32,8 @@ from adapt.trust.weight_choice import weight_table
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, as_list
 from motions.errors import InputError
-from motions.table import Motions, check_motions
+from motions.motion_csv.typed_motions import check_motions
+from motions.table import Motions
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
 """Origins of an interval: +-1.96 SD within the bounds; the bounds, for a parameter at a bound; no interval."""
@@ -74,7 +75,7 @@ def assess_trust(
     motions. ``own_bones`` assesses the adaptation with own bones, whose E has no thorax points, bounds or w to assess;
     the intervals are then those of its posterior.
     """
-    check_motions(motions)
+    motions = check_motions(motions)
     models = as_list(models)
     names, everyone = [model.name for model in models], motions.subjects
     if own_bones and choose_weight:

@@ -59,6 +59,9 @@ def active_effects(amplitudes: Amplitudes, motions: Motions, library: Mapping[st
 
 
 def _in_order(amplitudes: Amplitudes, library: Mapping[str, Effect]) -> list[Effect]:
+    if not isinstance(amplitudes, Mapping):
+        remedy = 'Give amplitudes by name, as in {"thorax_tilt": (0, 5, 0)}'
+        raise InputError("effects", None, f"this is a {type(amplitudes).__name__}", remedy)
     named = (effect_named(name, "effects", library=library) for name in amplitudes)
     return sorted(named, key=list(library.values()).index)
 
@@ -115,7 +118,6 @@ def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECT
             raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
         found[name] = MEASURED if numbers == MEASURED else _numbers(effect, numbers)
         _check(effect, found[name], OPTION)
-        _doubt(effect, found[name])
     return found
 
 
@@ -128,8 +130,14 @@ NEAR_NOTHING = 0.05
 in another unit: a share for percent, or radians."""
 
 
-def _doubt(effect: Effect, given: Amplitude) -> None:
-    """Warn of amplitudes far above or below the typical size of the effect."""
+def warn_of_sizes(amplitudes: Amplitudes, place: str = "effects") -> None:
+    """Warn of amplitudes far above or below the typical size of their effect. InputError where they do not fit it."""
+    for effect in _in_order(amplitudes, EFFECTS):
+        _check(effect, amplitudes[effect.name], place)
+        _doubt(effect, amplitudes[effect.name], place)
+
+
+def _doubt(effect: Effect, given: Amplitude, place: str) -> None:
     over, share = isinstance(effect.basis, OverElevation), isinstance(effect.basis, MeasuredLag)
     if isinstance(given, str) or not (over or share or effect.basis == CONSTANT):
         return
@@ -140,12 +148,12 @@ def _doubt(effect: Effect, given: Amplitude) -> None:
     largest = max((max(abs(a), s) / scale for a, s, scale in zip(mean, sd, scales, strict=True)), default=0.0)
     if 0.0 < largest < NEAR_NOTHING:
         cause = f"{effect.name} of {_vector(mean)}{_unit(effect.name)} is at most {largest:.1%} of its typical size"
-        warn_input(InputError(OPTION, None, cause, "Check its unit (girdle effects)"))
+        warn_input(InputError(place, None, cause, "Check its unit (girdle effects)"))
     for direction, value, scale in zip(effect.directions, mean, scales, strict=True):
         if abs(value) >= (FAR_OVER_ELEVATION if over else FAR_CONSTANT) * scale:
             times = f"{abs(value) / scale:.0f} times its typical size"
             cause = f"{direction} of {effect.name} is {value:g}{_unit(effect.name)}, {times}"
-            warn_input(InputError(OPTION, None, cause, "Check its unit and digits (girdle effects)"))
+            warn_input(InputError(place, None, cause, "Check its unit and digits (girdle effects)"))
 
 
 def _numbers(effect: Effect, numbers: str) -> tuple[float, ...] | PersonalSize:

@@ -1,7 +1,7 @@
 """Parameter sets of several subjects under one name, one set per subject, as ``--models-of FOLDER`` reads them."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,10 +36,12 @@ def as_list(models: AnyModel | Sequence[AnyModel]) -> list[AnyModel]:
 
     InputError where there is no model, where a model is given as a mere name, or where two models have the same name.
     """
-    every = [models] if isinstance(models, AnyModel | str) else list(models)
+    alone = isinstance(models, AnyModel | str) or not isinstance(models, Iterable)
+    every: list[AnyModel] = [models] if alone else list(models)  # type: ignore[list-item, arg-type]
     for one in every:
         if not isinstance(one, AnyModel):
-            raise InputError("models", None, f"{one!r} is no parameter set", "Load it: models.load_model(name or file)")
+            what = repr(one) if isinstance(one, str) else f"a {type(one).__name__}"
+            raise InputError("models", None, f"{what} is no parameter set", "Load it: models.load_model(name or file)")
     names = [one.name for one in every]
     if not names:
         raise InputError("models", None, "there is none", "Give one at least: models.load_model(name or file)")

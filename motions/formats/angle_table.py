@@ -14,7 +14,7 @@ from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
-from motions.motion_csv.cells import ELEVATION_REMEDY
+from motions.motion_csv.cells import ELEVATION_REMEDY, LARGEST_ANGLE_DEG
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.motion_csv.unit_and_side import LEAST_VALUES
@@ -58,7 +58,7 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     names = ISB_ANGLES if isb else ANGLES
     found = {name: _column(table, mapping, name) for name in (*names, ELEVATION)}
     *angles, elevation_deg = _measured(table, mapping, found)
-    angles_deg = np.stack(angles, axis=1)
+    angles_deg = _within_half_a_turn(table, np.stack(angles, axis=1))
     if isb:
         angles_deg = thesis_from_isb(angles_deg)
     if mapping.scapula_relative_to == "clavicle":
@@ -70,6 +70,9 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         angles_deg = _brought_to_ac(table, angles_deg, labels)
     if (elevation_deg < 0.0).any():  # NaN compares false
         cause = f"{mapping.column(ELEVATION)} is {np.nanmin(elevation_deg):g}, below 0"
+        raise InputError(table.file, None, cause, ELEVATION_REMEDY)
+    if (elevation_deg > LARGEST_ANGLE_DEG).any():
+        cause = f"{mapping.column(ELEVATION)} is {np.nanmax(elevation_deg):g}, more than {LARGEST_ANGLE_DEG:g} degrees"
         raise InputError(table.file, None, cause, ELEVATION_REMEDY)
     numbers, extra = _numbers(table), {}
     if labels.at_deg:
@@ -127,6 +130,16 @@ def _measured(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray |
     _check_there(table, mapping, found)
     _check_unit(table, mapping, columns)
     return list(columns.values())
+
+
+def _within_half_a_turn(table: AngleTable, angles_deg: Float[np.ndarray, "rows 6"]) -> Float[np.ndarray, "rows 6"]:
+    """Take a turn off angles from 0 to 360, and off those that a program made continuous. Raise InputError where a turn
+    is not enough: the angles have another unit."""
+    turned = np.where(np.abs(angles_deg) > LARGEST_ANGLE_DEG, angles_deg - np.sign(angles_deg) * 360.0, angles_deg)
+    if (np.abs(turned) > LARGEST_ANGLE_DEG).any():  # NaN compares false
+        cause = f"an angle is {angles_deg.ravel()[np.nanargmax(np.abs(angles_deg))]:g} degrees"
+        raise InputError(table.file, None, cause, "Give angles in degrees between -180 and 180")
+    return turned
 
 
 def _check_there(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> None:

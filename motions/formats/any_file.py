@@ -1,7 +1,7 @@
 """Reading of any file that holds motions as a table of postures; its extension, and a CSV's columns, tell its kind."""
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +19,8 @@ from motions.landmarks.clusters.calibration import Calibration, calibrate
 from motions.landmarks.clusters.carried import CarriedTrial, carry
 from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
 from motions.landmarks.mapping import Mapping, read_mapping
-from motions.landmarks.markers import Markers, landmarks_mm
-from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
+from motions.landmarks.markers import Markers, landmarks_mm, marker_mm
+from motions.landmarks.sampled_postures import BY_GLOBAL_Y, SCAPULA_ROTATED, Labels, postures_from_landmarks
 from motions.landmarks.stand_ins import place_gh
 from motions.motion_csv.cells import SIDES, Side
 from motions.motion_csv.reading import read_motions
@@ -54,9 +54,24 @@ def read_trial(
     Raise InputError if the file cannot be read. Issue an InputWarning if its angles with the arm lowest are no
     person's.
     """
-    labels = Labels(subject, motion, side, tuple(sorted(set(at_deg))))
+    at = elevations(at_deg)
+    if at is None:
+        cause = f"{at_deg!r} is not a list of elevations"
+        raise InputError("at_deg", None, cause, "Give degrees from 0 to 180, as in at_deg=[30, 60, 90]")
+    labels = Labels(subject, motion, _side(side, "side"), at)
     names = read_mapping(None if mapping is None else Path(mapping))
     return read_any(Path(path), names, labels, read_calibration([Path(one) for one in static], names, labels))
+
+
+def elevations(at_deg: Iterable[float | str]) -> tuple[float, ...] | None:
+    """Return elevations, each once, in ascending order; None where this is no list of numbers from 0 to 180."""
+    if isinstance(at_deg, str) or not isinstance(at_deg, Iterable):
+        return None
+    try:
+        found = tuple(sorted({float(at) for at in at_deg}))
+    except (TypeError, ValueError):
+        return None
+    return found if all(0.0 <= at <= 180.0 for at in found) else None
 
 
 def read_calibration(statics: Sequence[Path], mapping: Mapping, labels: Labels) -> Calibration | None:
@@ -87,11 +102,15 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
     if markers is not None:
         return _of_markers(markers, mapping, labels_of_file(labels, path), calibration)
     if kind in _OF_ANGLES:
-        return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), labels, path), path)
+        motions = motions_from_table(read_mot(path), mapping, labels)
+        _warn_of_unused_beside_angles(motions, mapping, labels, path, static=calibration is not None)
+        return _checked(_with_names(motions, labels, path), path)
     if kind == ".csv":
         _check_columns(path)
         _check_unused(labels, path, "subjects, motions and postures")
-        return read_motions(path)
+        motions = read_motions(path)
+        _warn_of_unused_beside_angles(motions, mapping, labels, path, static=calibration is not None)
+        return motions
     if not path.exists():
         raise InputError(str(path), None, "there is no such file or folder", "Check its name")
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
@@ -145,6 +164,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
         remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
         warn_input(InputError(markers.file, None, cause, remedy))
     _warn_of_arm(lab_mm, labels, markers.file)
+    _warn_of_unused_mapping(mapping, markers, static=trial is not None)
     if trial is None:  # with clusters, the options may place landmarks of the static trial
         warn_of_unused(lab_mm, labels, markers.file)
     parts, rejected = [], []
@@ -179,6 +199,55 @@ def warn_of_unused(measured: Collection[str], labels: Labels, file: str) -> None
         if placed[name] is not None and name in measured:
             cause = f"{name} was measured, so {option} changes nothing"
             warn_input(InputError(file, None, cause, f"Leave {option} out"))
+
+
+def _warn_of_unused_beside_angles(
+    motions: Motions, mapping: Mapping, labels: Labels, path: Path, *, static: bool
+) -> None:
+    """Warn of options and parts of the mapping that place or turn landmarks: a file of angles takes none.
+
+    A mapping that names columns too is that of both kinds of file.
+    """
+    asked = {
+        "--aa-to-ac": labels.aa_to_ac is not None and SCAPULA_ROTATED not in motions.extra,
+        "--sc-from-ij": labels.sc_from_ij is not None,
+        "--gh-from-ac": labels.gh_from_ac is not None,
+        "--clavicle-z": labels.clavicle_z == BY_GLOBAL_Y,
+        "--static": static,
+    }
+    if not (mapping.columns or mapping.scapula_relative_to):
+        asked |= dict.fromkeys(_parts_of_landmarks(mapping), True)
+    if unused := [name for name, is_there in asked.items() if is_there]:
+        through = ", through AC" if "--aa-to-ac" in unused else ""
+        cause = f"its angles are read as they are{through}, so {', '.join(unused)} changes nothing"
+        warn_input(InputError(str(path), None, cause, "Leave it out"))
+
+
+def _parts_of_landmarks(mapping: Mapping) -> list[str]:
+    """List the parts of the mapping file that only files of landmarks use."""
+    parts = {
+        "unit": mapping.unit is not None,
+        "axes": mapping.axes != Mapping().axes,
+        "global": mapping.global_axes is not None,
+        "[markers]": bool(mapping.markers),
+        "[clusters]": bool(mapping.clusters),
+    }
+    return [name for name, is_there in parts.items() if is_there]
+
+
+def _warn_of_unused_mapping(mapping: Mapping, markers: Markers, *, static: bool) -> None:
+    """Warn of a mapping of angles alone, and of clusters that carry nothing and are not in the file.
+
+    A static trial, converted by itself, has the markers of its clusters.
+    """
+    of_angles = {"scapula_relative_to": mapping.scapula_relative_to, "[columns]": mapping.columns}
+    if (unused := [name for name, part in of_angles.items() if part]) and not _parts_of_landmarks(mapping):
+        cause = f"it has landmarks and no angles, so {' and '.join(unused)} of the mapping changes nothing"
+        warn_input(InputError(markers.file, None, cause, "Leave it out, or name the markers under [markers]"))
+    names = [] if static else [name for names in mapping.clusters.values() for name in names]
+    if absent := [name for name in names if marker_mm(markers, mapping, name, 1.0) is None]:
+        cause = f"[clusters] carries nothing without --static, and marker {absent[0]} is not there"
+        warn_input(InputError(markers.file, None, cause, "Name the static trial, or leave [clusters] out"))
 
 
 def _of_shoulder(

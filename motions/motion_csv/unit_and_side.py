@@ -4,11 +4,12 @@ Each function takes all postures of one subject and returns a finding, or None.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from motions.motion_csv.cells import Side
 from motions.motion_csv.columns import SIDE
@@ -24,8 +25,10 @@ LARGE_MOTION_DEG = 60.0
 LARGEST_METRES = 2.0
 """Maximum coordinate of positions in metres: no landmark is 2 m from IJ, and in mm a girdle is larger than 2 mm."""
 
+FAR = ("AC", "TS", "AI")
+
 SMALLEST_REACH_MM = 40.0
-"""Minimum of the largest coordinate of AC, TS and AI, in mm: in adults they are 100-200 mm from IJ; in cm all their
+"""Minimum of the largest coordinate of the landmarks FAR, in mm: in adults they are 100-200 mm from IJ; in cm all their
 coordinates are below 40."""
 
 LEFT_CLAVICLE_DEG, LEFT_SCAPULA_DEG = 5.0, -5.0
@@ -45,10 +48,14 @@ def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
     One posture is enough if it has clavicular protraction too, which is as large.
     """
-    angles = np.stack([posture.angles_deg for posture in postures])
-    protraction = np.isfinite(angles[:, [ANGLES.index("clavicle_y"), ANGLES.index("scapula_y")]])
-    enough = protraction.all(axis=1).any() or (len(postures) >= LEAST_VALUES and protraction[:, 1].any())
-    if not enough or np.nanmax(np.abs(angles)) > np.pi:
+    return radians_in(np.stack([posture.angles_deg for posture in postures]))
+
+
+def radians_in(angles_deg: Float[np.ndarray, "postures 6"]) -> Finding | None:
+    """Find, in the angles of one subject, that all are in radians."""
+    protraction = np.isfinite(angles_deg[:, [ANGLES.index("clavicle_y"), ANGLES.index("scapula_y")]])
+    enough = protraction.all(axis=1).any() or (len(angles_deg) >= LEAST_VALUES and protraction[:, 1].any())
+    if not enough or np.nanmax(np.abs(angles_deg)) > np.pi:
         return None
     cause = "no angle exceeds 3.14, so the angles look like radians"
     return Finding(cause, "Give clavicle and scapula angles in degrees")
@@ -75,20 +82,32 @@ def angle_in_radians(postures: Sequence[Posture]) -> Finding | None:
 def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
     """Find elevations in radians: a motion has three or more different elevations, all at most pi."""
     for motion in dict.fromkeys(posture.motion for posture in postures):
-        elevations = _measured({posture.humerus_elevation_deg for posture in postures if posture.motion == motion})
-        if len(elevations) >= LEAST_VALUES and max(elevations) > 0.0 and max(map(abs, elevations)) <= np.pi:
-            cause = f"humerus_elevation_deg of motion {motion!r} never exceeds 3.14, so it looks like radians"
-            return Finding(cause, "Give the elevation of the humerus in degrees")
+        mine = [posture.humerus_elevation_deg for posture in postures if posture.motion == motion]
+        if finding := radians_of(mine, motion):
+            return finding
     return None
+
+
+def radians_of(elevations_deg: Iterable[float], motion: str) -> Finding | None:
+    """Find that the elevations of one motion are in radians."""
+    elevations = _measured(set(elevations_deg))
+    if len(elevations) < LEAST_VALUES or max(elevations) <= 0.0 or max(map(abs, elevations)) > np.pi:
+        return None
+    cause = f"humerus_elevation_deg of motion {motion!r} never exceeds 3.14, so it looks like radians"
+    return Finding(cause, "Give the elevation of the humerus in degrees")
 
 
 def landmarks_not_in_mm(postures: Sequence[Posture]) -> Finding | None:
     """Find landmarks in metres (all coordinates below 2) or centimetres (all coordinates of AC, TS or AI below 40)."""
-    reach = _reach_mm(postures)
-    if reach and 0.0 < max(reach.values()) < LARGEST_METRES:
+    return not_in_mm(_reach_mm(postures))
+
+
+def not_in_mm(reach: Mapping[str, float]) -> Finding | None:
+    """Find, in the largest coordinates of one subject's landmarks (NaN: not measured), that they are not in mm."""
+    if 0.0 < max(_measured(reach.values()), default=0.0) < LARGEST_METRES:
         return Finding("the landmark positions look like metres", "Give landmark positions in mm")
-    for name in ("AC", "TS", "AI"):
-        if name in reach and reach[name] < SMALLEST_REACH_MM:
+    for name in FAR:
+        if reach.get(name, math.nan) < SMALLEST_REACH_MM:
             cause = f"the positions of landmark {name} look like centimetres"
             return Finding(cause, "Give landmark positions in mm, in the thorax frame")
     return None

@@ -12,6 +12,7 @@ import pytest
 from command import Ended, girdle, refused, shipped_lines, written
 from pages import data_of
 
+from adapt.cli.commands.known_effects import effects_of
 from adapt.cli.entry import WORDS
 from adapt.output.written_files import LIST
 from adapt.report.bone_positions import POINTS
@@ -24,6 +25,7 @@ from models.effects.amplitudes import read_amplitudes
 from models.ellipsoid import signed_distance_mm
 from models.parameter_sets import FOLDER
 from motions import ANGLES
+from motions.errors import InputWarning
 
 ADAPT_FILES = ["fits.csv", LIST, "heldout.csv", "models", "parameters.csv", "run.json", "summary.csv"]
 
@@ -429,11 +431,25 @@ def test_a_diagnosis_is_not_replaced_by_what_it_explains(motion, tmp_path):
         refused(ended, str(tmp_path), "would replace the diagnosis that --effects-of reads", "Give another folder")
 
 
+def test_each_model_gets_the_amplitudes_of_its_own_diagnosis(tmp_path):
+    """R2's gap is the smallest; R6 was not diagnosed."""
+    of_R2, of_R4 = ({"model": name, "options": [f"thorax_tilt=0,{y},0"]} for name, y in (("R2", 5), ("R4", 3)))
+    text = json.dumps({**of_R2, "by_model": {"R2": of_R2, "R4": of_R4}})
+    (tmp_path / "diagnosis.json").write_text(text)
+    assert effects_of(tmp_path, ["R2"]) == of_R2["options"]
+    assert effects_of(tmp_path, ["R4"]) == of_R4["options"]
+    for models, others in ((["R6"], "R6"), (["R2", "R4"], "R4"), (["R4", "R6"], "R4, R6")):
+        with pytest.warns(InputWarning, match=f"were found with R2, and {others} may need others"):
+            assert effects_of(tmp_path, models) == of_R2["options"]
+
+
 @pytest.mark.parametrize(
     ("text", "cause", "remedy"),
     [
         (None, "there is no such file", "girdle diagnose --out FOLDER"),
         ("[]", "this is not a diagnosis.json", "girdle diagnose --out FOLDER"),
+        ('{"options": "thorax_tilt=0,5,0"}', "this is not a diagnosis.json", "girdle diagnose --out FOLDER"),
+        ('{"options": [], "by_model": []}', "this is not a diagnosis.json", "girdle diagnose --out FOLDER"),
         ('{"options": []}', "names no cause whose size a gap shows", "Adapt without --effects-of"),
     ],
 )

@@ -211,6 +211,7 @@ def test_motions_through_a_folder_of_mot_files(tmp_path):
         (["out.xlsx"], "out.xlsx", "files that end in '.xlsx' are not written", ".parquet"),
         (["out.csv", "--side", "up"], "--side", "the side is 'up'", "left or right"),
         (["out.csv", "--at", "30;60"], "--at", "'30;60' is not a list", "30,60,90"),
+        (["out.csv", "--at", ","], "--at", "',' is not a list", "30,60,90"),
         (["out.csv", "--aa-to-ac", "x"], "--aa-to-ac", "there is no rotation 'x'", "kolz2020"),
         (["out.csv", "--at", "30,60"], str(DATA_FILE), "--subject, --motion, --side and --at would change", "Leave"),
         (["out.csv", "--map", "nowhere.toml"], "nowhere.toml", "cannot be read", "mapping file"),

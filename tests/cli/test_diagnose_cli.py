@@ -173,17 +173,26 @@ def test_noise_that_cannot_be_is_refused(tmp_path, noise):
         ("--positions", "chek", "there is no 'chek'", "Did you mean check? Use one of use, check, ignore"),
         ("--position-noise-mm", "0", "0 is not between 0.01 and 30 mm", "leave it to be estimated"),
         ("--position-noise-mm", "nan", "nan is not between 0.01 and 30 mm", "Give the SD of one coordinate in mm"),
+        ("--position-noise-mm", "3", "the motions have no position of SC", "Leave --position-noise-mm out"),
+        ("--positions check", "", "the motions have no position of SC", "Leave --positions check out"),
     ],
 )
 def test_words_of_positions_that_are_none_are_refused(tmp_path, option, word, cause, remedy):
     motion = written(tmp_path, [ROW, *ROWS])
-    ended = girdle("diagnose", motion, option, word, "--out", tmp_path / "out")
+    ended = girdle("diagnose", motion, *option.split(), *filter(None, [word]), "--out", tmp_path / "out")
     refused(ended, option, cause, remedy)
     assert not (tmp_path / "out").exists()
 
 
+def test_noise_of_positions_that_are_ignored_is_refused(tmp_path):
+    motion = written(tmp_path, [ROW, *ROWS])
+    ended = girdle("diagnose", motion, "--positions", "ignore", "--position-noise-mm", "5", "--out", tmp_path / "out")
+    refused(ended, "--position-noise-mm", "--positions ignore takes the positions", "Leave one of the two out")
+
+
 def test_what_is_said_of_positions_is_carried_through(asked, tmp_path):
-    motion, out = written(tmp_path, [ROW, *ROWS]), tmp_path / "out"
+    with_sc = [f"{ROW},SC_x_mm,SC_y_mm,SC_z_mm", *(f"{row},25,-10,8" for row in ROWS)]
+    motion, out = written(tmp_path, with_sc), tmp_path / "out"
     given = ("--positions", "check", "--position-noise-mm", "2.5")
     assert girdle("diagnose", motion, "--model", "R2", *given, "--out", out).status == 0
     assert (asked["positions"], asked["position_noise_mm"]) == ("check", 2.5)

@@ -173,7 +173,7 @@ def test_nobody_is_judged_without_positions(measured):
 def two_kinds(motions: Motions) -> Motions:
     """Assign every second posture of each subject to another kind of motion."""
     kinds = np.where(motions.posture % 2 == 0, "abduction", "flexion")
-    return replace(motions, motion=kinds)
+    return replace(motions, motion=kinds, posture=np.arange(len(kinds)))
 
 
 def test_constants_of_held_out_motions_have_not_seen_them(measured):

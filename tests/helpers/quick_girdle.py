@@ -29,7 +29,7 @@ WAIT_S = 60.0
 
 
 def quick_adaptations(motions: Motions, models: list[ParameterSet], *_: object, **__: object) -> Adaptations:
-    """Replacement for ``adapt_subjects``."""
+    """Replacement for ``adapt_checked``."""
     return adaptations(motions, models)
 
 
@@ -55,7 +55,7 @@ def _main(at: str) -> None:
             _waits(at, "publishing")
         return replace(self, target)
 
-    parts.adapt_subjects, fit_runs.write_run, Path.replace = fitting, writing, publishing
+    parts.adapt_checked, fit_runs.write_run, Path.replace = fitting, writing, publishing
     cli.main()
 
 

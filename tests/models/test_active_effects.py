@@ -14,7 +14,15 @@ from adapt.diagnosis import diagnose
 from adapt.evaluation.model_subjects import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
-from models.effects.amplitudes import PersonalSize, active_effects, as_option, described, read_amplitudes, rounded
+from models.effects.amplitudes import (
+    PersonalSize,
+    active_effects,
+    as_option,
+    described,
+    read_amplitudes,
+    rounded,
+    warn_of_sizes,
+)
 from motions import InputError, Motions, read_motions, write_motions
 from motions.errors import InputWarning
 from motions.rhythm_subjects import simulate_subjects
@@ -209,10 +217,10 @@ def test_points_on_the_thorax_that_count_less_are_a_larger_weight(noisy):
     np.testing.assert_array_equal(less.E, more.E)
 
 
-@pytest.mark.parametrize("k", [0.0, -1.0, np.inf, np.nan])
+@pytest.mark.parametrize("k", [0.0, 0.01, -1.0, 2e4, np.inf, np.nan])
 def test_a_down_weighting_that_cannot_be_is_named(noisy, k):
     motions, _, _ = noisy
-    with pytest.raises(InputError, match=f"thorax_downweighting: .* is {k:g}. Give a positive number"):
+    with pytest.raises(InputError, match=f"thorax_downweighting: .* is {k}. Give a number from 1 to 10000"):
         adapt_subjects(motions, MODEL, thorax_downweighting=k)
 
 
@@ -247,7 +255,7 @@ def test_the_command_line_down_weights_thorax_points_by_its_option_or_as_an_effe
 @pytest.mark.parametrize("option", ["--thorax-downweighting=0", "--effect=thorax_points=0"])
 def test_a_down_weighting_that_cannot_be_is_refused(option, tmp_path):
     ended = girdle("adapt", "no.csv", option, "--out", tmp_path / "out")
-    refused(ended, "--thorax-downweighting", "is 0", "Give a positive number")
+    refused(ended, "--thorax-downweighting", "is 0", "Give a number from 1 to 10000")
     assert not (tmp_path / "out").exists()
 
 
@@ -279,13 +287,28 @@ def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
 )
 def test_an_amplitude_far_beyond_its_typical_size_is_named(word, said):
     with pytest.warns(InputWarning, match=re.escape(said)):
-        read_amplitudes([word])
+        warn_of_sizes(read_amplitudes([word]))
     assert described({}) == ""
+
+
+def test_python_doubts_an_amplitude_as_the_command_line_does(noisy, tmp_path):
+    motions, _, _ = noisy
+    far = {"conoid_strain": (100.0,)}
+    with pytest.warns(InputWarning, match="effects: length of conoid_strain is 100 mm, 125 times its typical size"):
+        adapt_subjects(motions, MODEL, held_out=(), effects=far)
+    with pytest.warns(InputWarning, match="125 times its typical size"):
+        fit_postures(motions, MODEL, effects=far)
+    write_motions(motions, tmp_path / "m.csv")
+    for command in ("adapt", "fit"):
+        said = girdle(
+            command, tmp_path / "m.csv", "--effect", "conoid_strain=100", "--out", tmp_path / command
+        ).messages
+        assert sum("125 times its typical size" in line for line in said) == 1
 
 
 def test_an_amplitude_that_may_be_small_or_has_a_spread_is_not_doubted():
     for word in ("scapula_size=0.5", "scapula_size=0~8", "conoid_strain=0.3", "thorax_tilt=0,0,1", "skin_artefact=1"):
-        read_amplitudes([word])  # a warning would be an error
+        warn_of_sizes(read_amplitudes([word]))  # a warning would be an error
 
 
 @pytest.mark.parametrize(

@@ -261,6 +261,19 @@ def test_from_python(tmp_path):
     moving = written(tmp_path, "moving.trc", lab, markers_of())
     found = read_trial(moving, tmp_path / "lab.toml", "P01", "abduction", static=[static(tmp_path, REST)])
     assert worst(found, trial) < EXACT
+    for at_deg, said in ((60, "60"), ("60", "'60'"), ([60.0, np.nan], "nan"), ([-20.0], "-20"), (["x"], "x")):
+        with pytest.raises(InputError, match=rf"at_deg: .*{said}.* is not a list of elevations"):
+            read_trial(moving, at_deg=at_deg)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="side is 'up'"):
+        read_trial(moving, side="up")  # type: ignore[arg-type]
+
+
+def test_clusters_that_carry_nothing_are_named(tmp_path):
+    _, lab = with_clusters(np.full(3, REST))
+    alone = written(tmp_path, "alone.trc", lab, PALPATED)
+    with pytest.warns(InputWarning, match=f"carries nothing without --static, and marker {CLUSTERS['scapula'][0]} is"):
+        read_any(alone, MAPPING, LABELS)
+    read_any(written(tmp_path, "static.trc", lab, [*PALPATED, *markers_of()]), MAPPING, LABELS)  # no warning
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Files of a laboratory in every format: contents, and traps of real files, read correctly or refused by a message."""
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -331,6 +332,13 @@ def test_aa_without_ac_is_never_taken_for_it(trial, lab, tmp_path):
         both = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
     np.testing.assert_allclose(known(both), true(trial), rtol=0.0, atol=EXACT)
     assert SCAPULA_ROTATED not in both.extra
+
+
+def test_a_mapping_of_angles_alone_changes_nothing_of_landmarks(lab, tmp_path):
+    path, of_angles = trc(tmp_path, trc_lines(lab)), Mapping(columns={"scapula_y": "y"}, scapula_relative_to="thorax")
+    with pytest.warns(InputWarning, match=r"no angles, so scapula_relative_to and \[columns\] of the mapping changes"):
+        read_any(path, of_angles, LABELS)
+    read_any(path, replace(of_angles, unit="mm"), LABELS)  # the mapping of both kinds of file
 
 
 def test_palpated_postures_of_several_subjects(trial, lab, tmp_path):

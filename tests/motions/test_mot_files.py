@@ -1,5 +1,7 @@
 """Angles in OpenSim files: there and back, units, names of columns, and the traps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lab_files import ELEVATIONS, EXACT, LABELS, refused
@@ -9,12 +11,13 @@ from scipy.spatial.transform import Rotation
 from models.export.opensim import SCAPULA_COORDINATES
 from motions import ANGLES, InputError, read_motions
 from motions.errors import InputWarning
-from motions.formats.angle_table import table_from_motions
+from motions.formats.angle_table import motions_from_table, table_from_motions
 from motions.formats.any_file import read_any
 from motions.formats.mot import read_mot, write_mot
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.sampled_postures import ESTIMATED, Labels
+from motions.landmarks.stand_ins import KAPTEIN, KAPTEIN_GH
 from motions.rhythm_subjects import DATA_FILE
 
 
@@ -116,6 +119,36 @@ def test_the_unit_of_angles_is_checked_by_their_values(tmp_path):
     assert refused(path, r"says degrees \(inDegrees=yes\), but clavicle_y never exceeds 1.04", "inDegrees=no").row == 2
     _, path = angles_as(tmp_path, names, "no", np.pi / 180.0)
     np.testing.assert_allclose(read_any(path, Mapping(), LABELS).angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
+
+
+def test_angles_by_a_turn_are_the_same(tmp_path):
+    trial, path = angles_as(tmp_path, ["humerus_elevation", *ANGLES])
+    table = read_mot(path)
+    for turned in (lambda x: x % 360.0, lambda x: x + 360.0, lambda x: x - 360.0):
+        columns = {name: turned(x) if name in ANGLES else x for name, x in table.columns.items()}
+        found = motions_from_table(replace(table, columns=columns), Mapping(), LABELS)
+        np.testing.assert_allclose(found.angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
+    tenths = {name: 30.0 * x if name in ANGLES else x for name, x in table.columns.items()}
+    with pytest.raises(InputError, match=r"an angle is .* degrees\. Give angles in degrees between -180 and 180"):
+        motions_from_table(replace(table, columns=tenths), Mapping(), LABELS)
+    high = table.columns | {"humerus_elevation": 3.0 * table.columns["humerus_elevation"]}
+    with pytest.raises(InputError, match="humerus_elevation is 375, more than 180 degrees"):
+        motions_from_table(replace(table, columns=high), Mapping(), LABELS)
+
+
+def test_options_of_landmarks_change_nothing_of_angles(tmp_path):
+    _, path = angles_as(tmp_path, ["humerus_elevation", *ANGLES])
+    asked = Labels("P", "m", aa_to_ac=KOLZ, sc_from_ij=KAPTEIN, gh_from_ac=KAPTEIN_GH, clavicle_z="global")
+    with pytest.warns(InputWarning, match="through AC, so --aa-to-ac, --sc-from-ij, --gh-from-ac, --clavicle-z"):
+        read_any(path, Mapping(), asked)
+    with pytest.warns(InputWarning, match="as they are, so --sc-from-ij changes nothing. Leave it out"):
+        read_any(DATA_FILE, Mapping(), Labels("", "", sc_from_ij=KAPTEIN))
+    of_landmarks = Mapping(
+        unit="m", axes=("x", "z", "-y"), markers={"IJ": "jug"}, clusters={"scapula": ("a", "b", "c")}
+    )
+    with pytest.warns(InputWarning, match=r"so unit, axes, \[markers\], \[clusters\] changes nothing. Leave it out"):
+        read_any(path, of_landmarks, LABELS)
+    read_any(path, replace(of_landmarks, columns={"scapula_y": "scapula_y"}), LABELS)  # of both kinds of file
 
 
 def test_one_row_in_radians_is_enough_where_both_bones_are_there(tmp_path):

@@ -39,7 +39,7 @@ ENDS_WITHIN_S = 120
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Replace the adaptation by one without a solver: the tests check the files, not the results."""
-    monkeypatch.setattr(parts, "adapt_subjects", quick_adaptations)
+    monkeypatch.setattr(parts, "adapt_checked", quick_adaptations)
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def went_well(tmp_path_factory) -> Path:
     """Return the folder of a successful run, to be copied."""
     folder = tmp_path_factory.mktemp("went_well")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "adapt_subjects", quick_adaptations)
+        patch.setattr(parts, "adapt_checked", quick_adaptations)
         assert girdle("adapt", written(folder, shipped_lines(2)), "--out", folder / "out").status == 0
     return folder / "out"
 
@@ -237,7 +237,7 @@ def test_a_disk_with_room_for_the_tables_alone_gets_them_and_keeps_no_older_repo
 
 
 def test_a_read_only_folder_is_status_2_before_any_work(quick, motion, tmp_path, monkeypatch, small_disk):
-    monkeypatch.setattr(parts, "adapt_subjects", lambda *_, **__: pytest.fail("worked for nothing"))
+    monkeypatch.setattr(parts, "adapt_checked", lambda *_, **__: pytest.fail("worked for nothing"))
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     for folder in (small_disk, small_disk / "below"):
         refused(girdle("adapt", motion, "--out", folder), str(folder), "Read-only file system", "--out")
@@ -294,7 +294,7 @@ def test_too_little_memory_is_one_sentence_and_leaves_the_earlier_results(earlie
     def out_of_memory(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(parts, "adapt_subjects", out_of_memory)
+    monkeypatch.setattr(parts, "adapt_checked", out_of_memory)
     refused(girdle("adapt", other, "--out", earlier), "this run", "too little memory", "a smaller --chunk")
     assert contents(earlier) == before
 

@@ -21,7 +21,7 @@ ADAPTED = {*TABLES, "parameters.csv", "heldout.csv", "report.html", "models/R2_s
 @pytest.fixture
 def motion(tmp_path, monkeypatch) -> Path:
     """Write one subject, and replace the adaptation by one without a solver."""
-    monkeypatch.setattr(parts, "adapt_subjects", quick_adaptations)
+    monkeypatch.setattr(parts, "adapt_checked", quick_adaptations)
     return written(tmp_path, shipped_lines(1))
 
 

@@ -111,7 +111,7 @@ def test_the_minimum_is_that_of_the_compiled_search(compiled, subject):
 
 def test_chains_with_slack_lead_near_it(compiled):
     angles = angles_of("simulated03")
-    s, R = target(angles, np.isfinite(angles))
+    s, R = target(MODEL.girdle, angles, np.isfinite(angles))
 
     measured, sizes = jnp.sum(R != 0.0, axis=0), PRIOR.columns_mm.shape[1]
     root = jnp.sqrt(10.0 / jnp.sum(measured))

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from adapt import adapt_subjects, fit_postures
+from adapt.evaluation.held_out import adapt_with_folds
 from adapt.solvers import status
+from adapt.solvers.motion_fits import rows_of_optima
 from adapt.solvers.objective import WEIGHT
+from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from motions.rhythm_subjects import simulate_subjects
@@ -72,10 +75,10 @@ def test_a_parameter_has_one_sd(jumping):
 def test_where_e_does_not_hold_the_postures_they_are_fitted():
     """Check w = 0: the ellipsoid comes from the points alone, and the postures are those of a fit with it."""
     motions, model = simulate_subjects(2, seed=1), load_model("R2")
-    result = adapt_subjects(motions, model, weight=0.0, held_out=())
-    assert set(result.parameters["status"]) == {status.OK}
-    before, after = (np.asarray(result.fits["j_deg2"][result.fits["adapted"] == state]) for state in (0, 1))
-    np.testing.assert_allclose(after, before, rtol=1e-6)
+    found = adapt_with_folds(posture_rows(motions), [model], (), weight=0.0)
+    assert set(found.adapted.status) == {status.OK}
+    after = rows_of_optima(found.rows, found.data, found.adapted).j_deg2
+    np.testing.assert_allclose(after, fit_postures(motions, model).by_model["R2"].j_deg2, rtol=1e-6)
 
 
 def test_a_wrong_posture_leaves_the_fits_of_the_others():

@@ -305,7 +305,7 @@ def test_bad_subjects_leave_the_others_as_they_are(shipped, of_shipped):
 @pytest.mark.parametrize(
     ("how", "cause"),
     [
-        ({"objective": "landmarks"}, "no variant of E and no down-weighting changes it"),
+        ({"objective": "mm2_deg2_landmarks"}, "no variant of E and no down-weighting changes it"),
         ({"thorax_downweighting": 30.0}, "no variant of E and no down-weighting changes it"),
         ({"effects": {"scapula_landmark_bias": PersonalSize((0.0,) * 3, (1.0,) * 3)}}, "are not fitted beside them"),
     ],

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from adapt import adapt_subjects
+from adapt.evaluation.held_out import adapt_with_folds
 from adapt.evaluation.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT
+from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.effects import EFFECTS
 from models.effects.amplitudes import PersonalSize, active_effects
@@ -75,7 +77,8 @@ def test_without_angles_some_of_the_time_they_are_found_too(motions):
 
 
 def test_where_postures_do_not_count_sizes_stay_at_the_mean(motions):
-    found = adapted(motions, weight=0.0)
+    rows = posture_rows(motions, {BIAS.name: PersonalSize(MEAN, SD)})
+    found = adapt_with_folds(rows, [load_model("R2")], (), weight=0.0).adapted
     np.testing.assert_allclose(found.sizes, 0.0, atol=1e-6)
 
 

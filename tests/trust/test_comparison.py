@@ -128,6 +128,13 @@ def test_other_names_of_motions_and_who_lacks_one(compared, tmp_path):
     again = girdle("compare", "--repeat", tmp_path / "out" / "run.json", "--out", tmp_path / "again")
     assert again.status == 3
     assert (tmp_path / "again/comparison.csv").read_bytes() == (tmp_path / "out/comparison.csv").read_bytes()
+    twice = ("--abduction", "up", "--flexion", "up")
+    refused(
+        girdle("compare", tmp_path / "other.csv", *twice, "--out", tmp_path / "none"),
+        "--flexion",
+        "abduction and flexion are both 'up'",
+        "Name two motions",
+    )
     refused(
         girdle("compare", tmp_path / "other.csv", "--out", tmp_path / "none"),
         "the motions",

@@ -17,7 +17,7 @@ from adapt.cli.terminal.print_muscles import print_muscles
 from adapt.cli.terminal.print_trust import print_trust
 from adapt.diagnosis import Diagnoses
 from adapt.diagnosis.fit.noise import LEAST_DEG
-from adapt.diagnosis.position_findings import check_use
+from adapt.diagnosis.position_findings import check_there, check_use
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.evaluation.held_out import sample
 from adapt.output.large_runs.parts import not_adapted
@@ -56,6 +56,7 @@ def diagnose_motions(
     check_use(positions, position_noise_mm)
     gc.freeze()  # keeps objects of the imports out of every garbage collection, which saves a tenth of a short run
     table, models, record = read_inputs(motions, asked, angles)
+    check_there(table, positions, position_noise_mm)
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = adapt_with_every_fold(table, models, progress=report)

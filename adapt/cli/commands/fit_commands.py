@@ -42,8 +42,9 @@ def fit(
     from adapt.cli.commands.fit_runs import fit_motions  # slow import: JAX and pandas
     from adapt.cli.commands.known_effects import effects_of
 
-    effect = [*effects_of(effects_of_folder, out), *effect]
-    fit_motions(motions, out, asked_models(model, models_of), float32, angles, effect)
+    models = asked_models(model, models_of)
+    effect = [*effects_of(effects_of_folder, models, out), *effect]
+    fit_motions(motions, out, models, float32, angles, effect)
 
 
 def adapt(
@@ -85,6 +86,7 @@ def adapt(
     from adapt.cli.commands.fit_runs import AdaptOptions, adapt_motions  # slow import: JAX and pandas
     from adapt.cli.commands.known_effects import effects_of
 
-    effect = [*effects_of(effects_of_folder, out), *effect]
+    models = asked_models(model, models_of)
+    effect = [*effects_of(effects_of_folder, models, out), *effect]
     asked = AdaptOptions(weight, objective, float32, angles, effect, thorax_downweighting, own_bones)
-    adapt_motions(motions, out, asked_models(model, models_of), asked, chunk, dask, tables)
+    adapt_motions(motions, out, models, asked, chunk, dask, tables)

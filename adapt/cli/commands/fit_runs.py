@@ -40,9 +40,9 @@ from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
 from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.own_bones.own_adaptation import sample as own_sample
-from adapt.solvers.objective import OBJECTIVES
+from adapt.solvers.objective import OBJECTIVES, check_objective
 from adapt.solvers.rows import posture_rows
-from models.effects.amplitudes import described
+from models.effects.amplitudes import OPTION, described, warn_of_sizes
 from models.person.family import AnyModel
 from motions import InputError, MotionStream
 from motions.table import Motions, warn_of_alike_motions
@@ -94,9 +94,10 @@ def adapt_motions(
     time. ``dask``: address of a scheduler. ``tables``: True to print the tables too.
     """
     gc.freeze()  # keeps objects of the imports out of every garbage collection, which saves a tenth of a short run
-    _check_objective(asked.objective)
+    check_objective(asked.objective, "--objective")
     check_angles(asked.angles)
-    known = read_known(asked.effect, asked.thorax_downweighting)
+    known = read_known(asked.effect, asked.thorax_downweighting, asked.weight)
+    warn_of_sizes(known.effects, OPTION)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
     missing = subjects_without_set(models, files.subjects)
     subjects = tuple(name for name in files.subjects if name not in missing)
@@ -105,7 +106,7 @@ def adapt_motions(
     held_out, less = sample(subjects), known.thorax_downweighting
     people = None
     if asked.own_bones:
-        check_own_bones(known.effects, asked.objective, less)
+        check_own_bones(known.effects, asked.objective, less, asked.weight)
         people = _people(files, missing, subjects, models, known, asked.angles)
     work = Work(
         tuple(models), asked.weight, asked.objective, shown, held_out, asked.float32, known.effects, less, people
@@ -136,11 +137,6 @@ def adapt_motions(
         _print_results(result, work, known, tables=tables)
         say_report(folder, wrong)
     finish(table, result.failed)
-
-
-def _check_objective(objective: str) -> None:
-    if objective not in OBJECTIVES:
-        raise InputError("--objective", None, f"unknown variant '{objective}'", f"Use one of {', '.join(OBJECTIVES)}")
 
 
 def _chunks(files: MotionStream, missing: dict[str, InputError], angles: str, size: int) -> Iterator[Motions]:

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from motions.errors import InputError, named
+from motions.formats.any_file import elevations
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.mapping import UNITS_MM
 from motions.landmarks.sampled_postures import Labels
@@ -36,11 +35,9 @@ def asked_unit_mm(surface_unit: str, surfaces: Sequence[Path | None]) -> float:
 
 def _elevations(at: str) -> tuple[float, ...]:
     """Read the numbers of ``--at``, each once, in ascending order."""
-    try:
-        found = tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
-    except ValueError:
-        found = (np.nan,)
-    if not all(0.0 <= elevation <= 180.0 for elevation in found):
+    words = [word for word in at.split(",") if word.strip()]
+    found = elevations([float("nan")] if at and not words else words)
+    if found is None:
         cause = f"'{at}' is not a list of elevations"
         raise InputError("--at", None, cause, "Give degrees from 0 to 180 separated by commas, as in --at 30,60,90")
     return found

@@ -14,7 +14,14 @@ from adapt.own_bones.own_adaptation import DO_NOT_PREDICT, NOT_CONVERGED, WORDS
 from adapt.solvers import status
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import by_model, by_subject
-from adapt.tables.results import ALL_MOTIONS, OWN_SCALES, OWN_WORD, STATISTICS, parameter_statistics
+from adapt.tables.results import (
+    ALL_MOTIONS,
+    OWN_SCALES,
+    OWN_WORD,
+    STATISTICS,
+    parameter_statistics,
+    without_landmarks,
+)
 from motions.table import ANGLES
 
 HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
@@ -98,8 +105,7 @@ def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
 
 def print_without_landmarks(console: Console, parameters: pd.DataFrame) -> None:
     """Name the subjects that were adapted without any position of TS and AI."""
-    without = parameters[parameters["L_mm2"].isna() & (parameters["status"] == status.OK)]["subject"].unique()
-    if len(without):
+    if without := without_landmarks(parameters):
         named = ", ".join(without[:_MOST_PRINTED]) + (", ..." if len(without) > _MOST_PRINTED else "")
         console.print(f"No positions of TS and AI, adapted without them: {named}", soft_wrap=True)
 

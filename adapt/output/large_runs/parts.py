@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from adapt.api import Adaptations, adapt_subjects, simulated_positions
+from adapt.api import Adaptations, adapt_checked, checked, simulated_positions
 from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
 from adapt.output.publishing import UNFINISHED
 from adapt.own_bones.own_adaptation import NOT_CONVERGED, WORDS, People
@@ -64,8 +64,8 @@ class Work:
     def part(self, motions: Motions) -> bytes:
         """Compute the part of these subjects; the result is the same in every process."""
         dtype = np.float32 if self.float32 else np.float64
-        result = adapt_subjects(
-            motions,
+        result = adapt_checked(
+            checked(motions),
             self.models,
             self.weight,
             self.objective,

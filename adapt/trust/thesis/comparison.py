@@ -65,9 +65,13 @@ class MotionNames:
     def of(motions: Motions, abduction: str = "", flexion: str = "") -> "MotionNames":
         """Return the given names, or by default the names in ``ABDUCTIONS`` and ``FLEXIONS`` that the motions have."""
         there = set(motions.motion.tolist())
-        return MotionNames(
+        found = MotionNames(
             _name(abduction, ABDUCTIONS, there, "--abduction"), _name(flexion, FLEXIONS, there, "--flexion")
         )
+        if found.abduction == found.flexion:
+            cause = f"abduction and flexion are both {found.flexion!r}"
+            raise InputError("--flexion", None, cause, "Name two motions")
+        return found
 
 
 def _name(given: str, known: Sequence[str], there: set[str], option: str) -> str:
