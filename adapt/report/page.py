@@ -10,9 +10,10 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.diagnosis.result import Diagnoses, Diagnosis, GapLevels, Step
-from adapt.diagnosis.texts.cause_sentences import cause_sentence, measure_next
+from adapt.diagnosis.result import POSITIONS, Diagnoses, Diagnosis, GapLevels, Step
+from adapt.diagnosis.texts.cause_sentences import cause_sentence, coefficient_unit, described, tested_text
 from adapt.diagnosis.texts.json_form import JsonObject, plain
+from adapt.diagnosis.texts.measure_next import measure_next
 from adapt.diagnosis.texts.notes import rests_on
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
@@ -35,7 +36,6 @@ from adapt.report.position_figures import HEIGHT, STATE_NAMES, WIDTH, drawings, 
 from adapt.tables.muscle_tables import MuscleTables, force_means, humerus_known_by, muscle_means
 from adapt.tables.results import Tables
 from adapt.tables.thorax_table import THORAX_WORDS, thorax_table
-from models.effects import EFFECTS
 from models.girdle import CONSTRAINT_NAMES
 from models.person.family import AnyModel
 from motions.table import ANGLE_NAMES, Motions
@@ -152,7 +152,7 @@ def _environment() -> Environment:
     environment.filters |= {
         "deg": _deg,
         "drawings": drawings,
-        "explained": explained,
+        "coefficient_unit": coefficient_unit,
         "held_out": held_out_text,
         "hover": with_hover,
         "largest": _largest,
@@ -166,17 +166,20 @@ def _environment() -> Environment:
         "size": amplitude_text,
         "step": step_text,
         "held_out_kind": held_out_kind_text,
+        "tested": tested_text,
     }
     environment.globals |= {
         "angle_names": ANGLE_NAMES,
+        "by_positions": POSITIONS,
         "cause_sentence": cause_sentence,
         "constraints": CONSTRAINT_NAMES,
-        "effects": EFFECTS,
+        "explained": lambda diagnosis, name: explained(name, described(diagnosis, name)),
         "glossary": GLOSSARY,
         "number": number,
         "path_height": HEIGHT,
         "path_width": WIDTH,
         "state_names": STATE_NAMES,
+        "what": described,
         "with_unit": with_unit,
     }
     return environment

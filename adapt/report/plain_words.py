@@ -32,12 +32,11 @@ _TERM = re.compile(rf"(?<![\\w-])({'|'.join(sorted(map(re.escape, GLOSSARY), key
 _IDENTIFIER = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 
 
-def explained(name: str) -> Markup:
+def explained(name: str, what: str) -> Markup:
     """Write a candidate's plain name with its description on hover and focus, and its identifier beside it."""
     cause = cause_of(name)
     if cause not in _PLAIN_NAMES:
         return Markup("<code>{}</code>").format(name)
-    what = EFFECTS[name].what if name in EFFECTS else ""
     plain = Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(what, _PLAIN_NAMES[cause])
     return plain + Markup(" <code>{}</code>").format(name)
 

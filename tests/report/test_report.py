@@ -381,7 +381,7 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
     html = report_html(motions, R2, adaptations(motions, R2), {}, alone(TWO))
     words, bars = words_of(html), bars_of(html)
     names = "AC joint moves ac_translation or conoid stretches conoid_strain"
-    seen = "other motion, other person"
+    seen = "held-out motions and held-out persons"
     assert f"{names} 0.62 0.31 {seen} 50 % 4.0 [3.9, 4.1] mm 3.0 mm" in words
     gap = "12.0 [11.9, 12.1] mm (!) 5.0 mm"
     assert f"scapula lifts off the thorax scapulothoracic_gap 0.88 {seen} 30 % {gap}" in words
@@ -389,6 +389,19 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
     assert "Unexplained beyond noise: 24 %" in words
     assert bars["+ ac_translation"] == "1.40 [1.30, 1.50]"
     assert html.count('<div class="answer named">') == 5, "two steps of the gap budget, three names"
+
+
+def test_a_cause_that_positions_show_takes_no_share_and_is_described_as_it_was_found():
+    """Check the named basis, not the first one of the cause, and coefficients with their unit."""
+    (first, *_), motions = TWO.verdict.causes, motions_of(rising(10, 4))
+    shown = replace(TWO, verdict=replace(TWO.verdict, causes=(replace(first, tested_on=("positions",)),)))
+    html = report_html(motions, R2, adaptations(motions, R2), {}, alone(shown))
+    words = words_of(html)
+    assert "measured positions - 4.0 [3.9, 4.1] mm" in words
+    assert 'title="AC centre moves in the clavicle with the posture of the bones">AC joint moves</abbr>' in html
+    assert 'title="conoid length changes with elevation or posture">conoid stretches</abbr>' in html
+    assert "mm per 30 deg along by scapula_y 4.00" in words
+    assert not re.search("other motion|Put FOLDER|FOLDER is", words)
 
 
 def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer():
@@ -407,4 +420,4 @@ def test_what_a_diagnosis_could_not_tell_is_a_dash():
     assert "adapted - [-, -]" in words
     assert "Unexplained" not in words
     assert "Every candidate could be told from every other one" in words
-    assert "None was proposed" in words
+    assert "Gain: a cause can then be tested on held-out persons; not computed" in words
