@@ -372,6 +372,8 @@ def test_the_page_says_whether_the_positions_agree():
     assert "SC, backward: 0 to 1 mm" in words
     assert html.count('class="path-with_causes"') == 3 * 4 * 2  # subjects, three components and a distance, motions
     assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
+    assert "Motions: 1 abduction, 2 forward_flexion." in words
+    assert re.findall(r"<text[^>]*>(.*?)</text>", html)[:3] == ["1", "2", "1"], "no name runs into the next one"
     without = report_html(motions, R2, adaptations(motions, R2), {}, alone(ONE))
     assert "Do the positions agree?" not in without
 
