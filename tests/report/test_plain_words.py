@@ -11,7 +11,7 @@ from models.effects import EFFECTS
 
 PAGE = Path(__file__).parents[2] / "docs" / "glossary.md"
 
-WITHIN = dict.fromkeys(("SC", "AC", "TS", "AI"), "landmark") | {
+WITHIN: dict[str, str] = dict.fromkeys(("SC", "AC", "TS", "AI"), "landmark") | {
     "conoid": "conoid length",
     "prior thorax points": "thorax down-weighting",
     "noise alone": "noise",
