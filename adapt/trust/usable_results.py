@@ -29,7 +29,7 @@ Flat = Mapping[tuple[str, str], str]
 _HELD_OUT = {"gap_unseen_motion_deg": "motions", "gap_unseen_postures_deg": "postures"}
 """Columns of ``trust.csv`` with held-out gaps, the strictest first, and their words."""
 
-_SERRATUS = "; serratus: see girdle trust"
+_SERRATUS = "; the serratus was not checked: see girdle trust"
 """Clause where the muscle was not checked: its lines round the thorax take minutes."""
 
 _NO_FLAT = "M_y and A_y trade off: see girdle trust"
@@ -146,6 +146,6 @@ def _say_parameters(rows: pd.DataFrame) -> str:
 def _say_ellipsoid(rows: pd.DataFrame, unchecked: str) -> str:
     warned = rows[rows["plausibility"] == WARNING]
     if warned.empty:
-        return f"Ellipsoid: within all {'other ' * bool(unchecked)}limits{unchecked}."
+        return f"Ellipsoid: within all limits{unchecked}."
     outside = f"outside the limits in {len(warned)} of {len(rows)} subjects"
     return f"Ellipsoid: look before you use it; {outside}{unchecked}."

@@ -243,7 +243,7 @@ def test_more_persons_narrow_an_interval_by_the_root_of_their_number():
     one = measure_next(replace(ONE, next_measurement=[]))[0]
     assert (one.what, one.how_many) == ("more persons", "10 in place of 5")
     assert one.gain == (
-        "the gap on held-out motions is known to 0.07 deg in place of 0.10, "
+        "the gap on held-out motions is known to within 0.07 deg in place of 0.10, "
         "the size of scapula_landmark_bias to 0.07 deg in place of 0.10"
     )
     assert one.gain_deg == pytest.approx(0.1 * (1.0 - math.sqrt(0.5)))
@@ -256,7 +256,7 @@ def test_without_a_cause_the_gain_is_at_most_the_gap_that_nothing_explains():
         "there; at most 2.50 deg, the held-out gap that own bones and noise leave."
     )
     assert second.sentences == (
-        "abduction at 0 to 30 deg twice: 10 postures more of the 5 persons, palpated anew, to tell errors of "
+        "abduction at 0 to 30 deg twice: 10 postures more of the 5 persons, measured anew, to tell errors of "
         "measurement from a cause. Gain: the noise of an angle falls from 1.40 to 0.99 deg where scapula protraction "
         "has 70 % of the gap beyond noise."
     )

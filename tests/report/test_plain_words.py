@@ -12,7 +12,10 @@ from models.effects import EFFECTS
 PAGE = Path(__file__).parents[2] / "docs" / "glossary.md"
 
 WITHIN = {
-    **{"SC": "landmark", "AC": "landmark", "TS": "landmark", "AI": "landmark"},
+    "SC": "landmark",
+    "AC": "landmark",
+    "TS": "landmark",
+    "AI": "landmark",
     "conoid": "conoid length",
     "prior thorax points": "thorax down-weighting",
     "noise alone": "noise",
@@ -68,5 +71,5 @@ def test_a_part_of_a_word_is_no_term(text):
 def test_every_term_of_the_report_has_its_entry_in_the_glossary(term):
     rows = [line.split("|")[1:3] for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
     entries = {name.strip(): f"{name}{meaning}" for names, meaning in rows for name in names.split(",")}
-    entry = entries[WITHIN[term] if term in WITHIN else term]
+    entry = entries[({term: term} | WITHIN)[term]]
     assert all(re.search(rf"\b{word}\b", entry) for word in term.removeprefix("prior ").removesuffix(" alone").split())

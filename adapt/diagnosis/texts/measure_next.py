@@ -113,8 +113,10 @@ def _more_persons(diagnosis: Diagnosis) -> tuple[str, Measurement]:
     n = diagnosis.persons
     shrinks = math.sqrt(n / (_TWICE * n))
     half_deg = _half(diagnosis.gaps.hardest["with_effect"][ALL])
-    gain = f"the gap on {held_out_kind_text(diagnosis.gaps)} is known to {gap_text(shrinks * half_deg)} deg in place of"
-    gain = f"{gain} {gap_text(half_deg)}" if math.isfinite(half_deg) else "not computed, for no gap was held out"
+    gain = "not computed, for no gap was held out"
+    if math.isfinite(half_deg):
+        within = f"within {gap_text(shrinks * half_deg)} deg in place of {gap_text(half_deg)}"
+        gain = f"the gap on {held_out_kind_text(diagnosis.gaps)} is known to {within}"
     for name, one in diagnosis.amplitude.items():
         if math.isfinite(half := _half(one.size)):
             gain += f", the size of {name} to {with_unit(number(shrinks * half), one.unit)} in place of {number(half)}"
@@ -143,7 +145,7 @@ def _again(diagnosis: Diagnosis) -> tuple[str, Measurement]:
         what = f"{cell.motion} at {cell.elevation_low_deg:.0f} to {cell.elevation_high_deg:.0f} deg twice"
         how_many = f"{cell.postures} postures more of {_of_persons(diagnosis.persons)}"
         gain += f" where {ANGLE_NAMES[cell.angle]} has {percent_text(cell.share)} of the gap beyond noise"
-    how = "palpated anew, to tell errors of measurement from a cause"
+    how = "measured anew, to tell errors of measurement from a cause"
     return "again", Measurement(what, how_many, how, gain, now_deg - then_deg)
 
 
