@@ -249,6 +249,19 @@ def test_more_persons_narrow_an_interval_by_the_root_of_their_number():
     assert one.gain_deg == pytest.approx(0.1 * (1.0 - math.sqrt(0.5)))
 
 
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("abduction of twice as many persons", "more of abduction: 10 in place of 5 persons, measured as before."),
+        ("twice as many persons", "more persons: 10 in place of 5, by the same motions."),
+        ("positions of SC, to 2 mm", "positions of SC: in the 84 postures of the 5 persons, to 2 mm, with girdle"),
+    ],
+)
+def test_a_proposal_between_two_names_says_how_many_and_how(what, said):
+    one = replace(ONE.next_measurement[0], what=what)
+    assert measure_next(replace(ONE, next_measurement=[one]))[0].sentences.startswith(said)
+
+
 def test_without_a_cause_the_gain_is_at_most_the_gap_that_nothing_explains():
     first, second = measure_next(replace(OUTSIDE, next_measurement=[]))
     assert first.sentences == (
@@ -256,7 +269,7 @@ def test_without_a_cause_the_gain_is_at_most_the_gap_that_nothing_explains():
         "there; at most 2.50 deg, the held-out gap that own bones and noise leave."
     )
     assert second.sentences == (
-        "abduction at 0 to 30 deg twice: 10 postures more of the 5 persons, measured anew, to tell errors of "
+        "again abduction at 0 to 30 deg: 10 postures more of the 5 persons, measured anew, to tell errors of "
         "measurement from a cause. Gain: the noise of an angle falls from 1.40 to 0.99 deg where scapula protraction "
         "has 70 % of the gap beyond noise."
     )

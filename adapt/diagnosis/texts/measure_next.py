@@ -96,10 +96,11 @@ def _between_rivals(one: Proposal, diagnosis: Diagnosis) -> Measurement:
     square (``Proposal.apart_deg``)."""
     now, then = (percent_text(p) for p in one.probabilities)
     gain = f"{one.between[0]} and {one.between[1]} are {gap_text(one.apart_deg)} deg apart, told right in {then}"
-    persons, alike = f"{_TWICE * diagnosis.persons} in place of {diagnosis.persons}", "by the same motions"
-    what, how_many, how = "more persons", persons, alike
+    persons = f"{_TWICE * diagnosis.persons} in place of {diagnosis.persons}"
+    what, how_many, how = "more persons", persons, "by the same motions"
     if one.kind == "motion":
-        what, how_many = one.what.removesuffix(f" of {TWICE_AS_MANY}"), f"{persons} persons"
+        what, how_many = f"more of {one.what.removesuffix(f' of {TWICE_AS_MANY}')}", f"{persons} persons"
+        how = "measured as before"
     elif one.kind == "positions":
         names, _, noise = one.what.removeprefix(POSITIONS_OF).partition(", ")
         what, how_many = POSITIONS_OF + listed(names.split(), "and"), _in_every_posture(diagnosis)
@@ -142,7 +143,7 @@ def _again(diagnosis: Diagnosis) -> tuple[str, Measurement]:
     cell = next((one for one in diagnosis.where.cells if one.share > 0.0), None)
     what, how_many = "every posture twice", f"{diagnosis.postures} postures more"
     if cell is not None:
-        what = f"{cell.motion} at {cell.elevation_low_deg:.0f} to {cell.elevation_high_deg:.0f} deg twice"
+        what = f"again {cell.motion} at {cell.elevation_low_deg:.0f} to {cell.elevation_high_deg:.0f} deg"
         how_many = f"{cell.postures} postures more of {_of_persons(diagnosis.persons)}"
         gain += f" where {ANGLE_NAMES[cell.angle]} has {percent_text(cell.share)} of the gap beyond noise"
     how = "measured anew, to tell errors of measurement from a cause"
