@@ -64,8 +64,7 @@ def picture(started: Browser | BrowserContext, report: Path, posture: int, windo
     page = started.new_page()
     page.set_viewport_size(window)
     open_report(page, report)
-    for _ in range(posture - 1):
-        page.click("#next")
+    page.fill("#posture", str(posture - 1))  # the page opens where the adaptation changes most
     page.evaluate("document.activeElement.blur()")
     shot = page.screenshot()
     page.close()
@@ -76,9 +75,9 @@ def picture(started: Browser | BrowserContext, report: Path, posture: int, windo
 def main(
     report: Annotated[Path, typer.Argument(metavar="report.html", help="A report that `girdle` wrote.")],
     out: Annotated[Path, typer.Option("--out", help="The PNG to write.")],
-    posture: Annotated[int, typer.Option(min=1, help="The posture of the first motion that is shown.")] = 3,
+    posture: Annotated[int, typer.Option(min=1, help="The posture of the motion that is shown.")] = 5,
     width: Annotated[int, typer.Option(min=320, help="Of the window, pixels.")] = 1240,
-    height: Annotated[int, typer.Option(min=320, help="Of the picture, pixels from the top of the page.")] = 1310,
+    height: Annotated[int, typer.Option(min=320, help="Of the picture, pixels from the top of the page.")] = 1480,
 ) -> None:
     """Save the top of a report as a small PNG."""
     if not report.is_file():

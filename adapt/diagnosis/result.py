@@ -96,6 +96,24 @@ _HAS_IT = 0.5
 """Smallest share of the mean size with which a subject counts as having a cause."""
 
 
+ELEVATION = "elevation"
+"""Elevation of the arm, as the quantity that a cause follows."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Extent of a cause, with its population amplitudes, over the measured postures; as in the size, a cause that
+    varies counts from each subject's mean."""
+
+    largest: float
+    """Largest strength in any posture, over all directions together."""
+    directions: Mapping[str, float]
+    """Share of each main direction in the sum of squares, negative where the cause acts the other way."""
+    follows: str
+    """Bone angle or ELEVATION with which the strength goes most; empty for a constant, or where none explains half of
+    it."""
+
+
 @dataclass(frozen=True)
 class CauseAmplitude:
     """Size of a cause: root mean square over the postures of its effect beyond a constant of each subject, over all
@@ -117,6 +135,8 @@ class CauseAmplitude:
     """Amplitude as an adaptation takes it, rounded to the printed digits; None where no gap shows the size."""
     by_subject: Mapping[str, float] = field(default_factory=dict)
     """Share of the mean size in each subject; where a subject's data do not determine it, the mean is used."""
+    extent: Extent | None = None
+    """Extent over the postures; None where no gap shows the size."""
 
     @property
     def option(self) -> str:
@@ -196,6 +216,11 @@ class ParameterMeans:
     with_effect_mm: float
 
 
+TWICE_AS_MANY = "twice as many persons"
+POSITIONS_OF = "positions of "
+"""Words of a proposal: its end or whole, and its begin."""
+
+
 @dataclass(frozen=True)
 class Proposal:
     """Proposed measurement and its expected benefit."""
@@ -208,6 +233,13 @@ class Proposal:
     """Expected log evidence, nats, of the first name over the second: now, and after the measurement."""
     apart_deg: float
     """Root mean square difference of an angle between the two names in these postures: the benefit of knowing."""
+
+    @property
+    def kind(self) -> Literal["persons", "motion", "positions"]:
+        """Kind of measurement: more persons, one motion of more persons, or positions of landmarks."""
+        if self.what.startswith(POSITIONS_OF):
+            return "positions"
+        return "persons" if self.what == TWICE_AS_MANY else "motion"
 
     @property
     def probabilities(self) -> tuple[float, float]:

@@ -5,12 +5,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-import pandas as pd
-
 from adapt.report.fit_states import STATES, state_rows
 from adapt.report.headline import statistic
 from adapt.solvers import status
-from adapt.tables.held_out import by_subject
 from adapt.tables.results import HELD_OUT, Tables, parameter_statistics
 from models.adapted_parameters import ADAPTED
 from motions.table import ANGLES, BONES, Motions
@@ -60,36 +57,6 @@ def _row(result: Tables, model: str) -> Row:
         adapted=len(good),
         at_bound={name: count for name, count in at_bound.items() if count},
     )
-
-
-def whether_to_use(result: Tables) -> dict[str, list[str]]:
-    """List by model which results may be used, as ``girdle trust`` does: angles, parameters, ellipsoid."""
-    gaps = by_subject(result.heldout) if len(result.heldout) else result.heldout
-    return {
-        row.model: [_say_angles(gaps[gaps["model"] == row.model]), _say_parameters(row), _SAY_ELLIPSOID]
-        for row in overview(result)
-    }
-
-
-_SAY_ELLIPSOID = "Ellipsoid: girdle trust says whether it is within the limits of a thorax, and adds intervals."
-
-
-def _say_angles(rows: pd.DataFrame) -> str:
-    known = rows[rows["gap_unseen_deg"].notna()]
-    if known.empty:
-        return "Angles: nothing was held out, so nothing says whether the adaptation predicts."
-    before, after = known["gap_before_deg"], known["gap_unseen_deg"]
-    better = int((after < before).sum())
-    use = "use the adapted model" if 2 * better > len(known) else "use the model as it is"
-    gap = f"the held-out gap goes from {before.mean():.1f}° before adaptation to {after.mean():.1f}°"
-    return f"Angles: {use}; {gap}, smaller in {better} of {len(known)} subjects."
-
-
-def _say_parameters(row: Row) -> str:
-    if not row.at_bound:
-        return "Parameters: none is at a bound."
-    named = ", ".join(f"{name} ({count} of {row.adapted})" for name, count in row.at_bound.items())
-    return f"Parameters: do not read {named}: at a bound."
 
 
 def _largest(row: dict[str, float]) -> float:

@@ -10,9 +10,11 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.diagnosis.result import Diagnoses, Diagnosis, GapLevels, Step
-from adapt.diagnosis.texts.cause_sentences import cause_sentence, measure_next
+from adapt.api import Adaptations
+from adapt.diagnosis.result import POSITIONS, Diagnoses, Diagnosis, GapLevels, Step
+from adapt.diagnosis.texts.cause_sentences import cause_sentence, coefficient_unit, described, tested_text
 from adapt.diagnosis.texts.json_form import JsonObject, plain
+from adapt.diagnosis.texts.measure_next import measure_next
 from adapt.diagnosis.texts.notes import rests_on
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
@@ -29,13 +31,13 @@ from adapt.diagnosis.texts.wording import (
 from adapt.report.figure_data import figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.muscle_figures import force_sentence, muscle_sentence
-from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects, whether_to_use
+from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
 from adapt.report.plain_words import GLOSSARY, explained, with_hover
 from adapt.report.position_figures import HEIGHT, STATE_NAMES, WIDTH, drawings, shown_states
 from adapt.tables.muscle_tables import MuscleTables, force_means, humerus_known_by, muscle_means
 from adapt.tables.results import Tables
 from adapt.tables.thorax_table import THORAX_WORDS, thorax_table
-from models.effects import EFFECTS
+from adapt.trust.usable_results import Flat, flat_by_subject, quick_sentences
 from models.girdle import CONSTRAINT_NAMES
 from models.person.family import AnyModel
 from motions.table import ANGLE_NAMES, Motions
@@ -56,6 +58,7 @@ def report_html(
     active_effects: str = "",
     muscles: MuscleTables | None = None,
     thorax_downweighting: float = 1.0,
+    flat: Flat | None = None,
 ) -> str:
     """Build the report page; the same results give the same text.
 
@@ -63,7 +66,8 @@ def report_html(
     its reason. ``diagnoses`` belong to the same motions and models. Where these subjects are a sample, ``sampled_from``
     is the number of subjects from which the sample was drawn. ``active_effects`` describes the effects that the fits
     included, if any. With ``muscles`` the page shows muscle lines and moment arms. ``thorax_downweighting``: see
-    :func:`adapt.adapt_subjects`.
+    :func:`adapt.adapt_subjects`. ``flat``: flat directions (``adapt.trust.usable_results``), if they are known and
+    ``result`` has no covariances.
     """
     by_model = diagnoses.by_model if diagnoses else {}
     noise_deg = {name: one.noise.angle_deg for name, one in by_model.items()}
@@ -100,7 +104,7 @@ def report_html(
             postures=len(motions.posture),
             postures_drawn=len(data["posture"]),
             overview=overview(result),
-            whether_to_use=whether_to_use(result),
+            whether_to_use=quick_sentences(models, result, _flat(result) if flat is None else flat),
             parameters=adapted_parameters(result),
             held_out=result.heldout["subject"].nunique(),
             not_handled=not_handled or {},
@@ -117,6 +121,14 @@ def report_html(
             plotly=Markup(get_plotlyjs()),
         )
     )
+
+
+def _flat(result: Tables) -> Flat | None:
+    """Describe the flat directions of a result that has its covariances; None for others."""
+    if not isinstance(result, Adaptations):
+        return None
+    subjects = list(dict.fromkeys(result.parameters["subject"]))
+    return flat_by_subject(list(result.adapted), subjects, result.uncertainty)
 
 
 def _with_lines(data: JsonObject) -> int:
@@ -152,7 +164,7 @@ def _environment() -> Environment:
     environment.filters |= {
         "deg": _deg,
         "drawings": drawings,
-        "explained": explained,
+        "coefficient_unit": coefficient_unit,
         "held_out": held_out_text,
         "hover": with_hover,
         "largest": _largest,
@@ -166,17 +178,20 @@ def _environment() -> Environment:
         "size": amplitude_text,
         "step": step_text,
         "held_out_kind": held_out_kind_text,
+        "tested": tested_text,
     }
     environment.globals |= {
         "angle_names": ANGLE_NAMES,
+        "by_positions": POSITIONS,
         "cause_sentence": cause_sentence,
         "constraints": CONSTRAINT_NAMES,
-        "effects": EFFECTS,
+        "explained": lambda diagnosis, name: explained(name, described(diagnosis, name)),
         "glossary": GLOSSARY,
         "number": number,
         "path_height": HEIGHT,
         "path_width": WIDTH,
         "state_names": STATE_NAMES,
+        "what": described,
         "with_unit": with_unit,
     }
     return environment

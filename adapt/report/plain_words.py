@@ -11,8 +11,10 @@ _PLAIN_NAMES = {effect.cause: effect.plain_name for effect in EFFECTS.values() i
 """Plain names by cause; an effect from outside the library has only its own name."""
 
 GLOSSARY = {
-    "SC, AC": "the joints at the two ends of the clavicle: with the sternum, with the acromion of the scapula",
-    "TS, AI": "two landmarks of the scapula (trigonum spinae, angulus inferior); their distance to the thorax is kept",
+    "SC": "the joint of the clavicle with the sternum",
+    "AC": "the joint of the clavicle with the acromion of the scapula",
+    "TS": "a landmark of the scapula, trigonum spinae; its distance to the thorax is kept",
+    "AI": "a landmark of the scapula, angulus inferior; its distance to the thorax is kept",
     "conoid": "a ligament between clavicle and scapula; the model keeps its length",
     "protraction": "turning forward about the vertical axis",
     "lateral rotation": "the lower angle of the scapula swings outward, as the arm is raised",
@@ -27,34 +29,39 @@ GLOSSARY = {
     "noise alone": "what would be left if the model were right and the measurement had this noise",
 }
 
-_TERM = re.compile(rf"(?<![\\w-])({'|'.join(sorted(map(re.escape, GLOSSARY), key=len, reverse=True))})(?![\\w-])")
+_HYPHEN = {term.replace(" ", "-"): term for term in GLOSSARY if " " in term}
+"""Terms as they stand before a noun: 'held-out motions'."""
 
-_IDENTIFIER = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
+_WORDS = sorted({*GLOSSARY, *_HYPHEN, *_PLAIN_NAMES}, key=len, reverse=True)
+
+_MARKED = re.compile(rf"(?<![\w-])(?:{'|'.join(map(re.escape, _WORDS))})(?![\w-])")
+"""Terms and causes in a text, each as a whole word."""
 
 
-def explained(name: str) -> Markup:
+def explained(name: str, what: str) -> Markup:
     """Write a candidate's plain name with its description on hover and focus, and its identifier beside it."""
     cause = cause_of(name)
     if cause not in _PLAIN_NAMES:
         return Markup("<code>{}</code>").format(name)
-    what = EFFECTS[name].what if name in EFFECTS else ""
     plain = Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(what, _PLAIN_NAMES[cause])
     return plain + Markup(" <code>{}</code>").format(name)
 
 
 def with_hover(text: str) -> Markup:
-    """Mark up a sentence: on hover and focus, identifiers show their plain names and glossary terms their meanings."""
+    """Mark up a sentence: on hover and focus, identifiers show their plain names and glossary terms their meanings.
+
+    Every identifier is marked, and every term where it stands first.
+    """
+    marked = set()
 
     def one(found: re.Match[str]) -> str:
-        name = found.group()
-        if name not in _PLAIN_NAMES:
-            return name
-        return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(_PLAIN_NAMES[name], name))
+        word = found.group()
+        term = _HYPHEN.get(word, word)
+        if term in marked:
+            return word
+        if term in GLOSSARY:
+            marked.add(term)
+        title = GLOSSARY.get(term) or _PLAIN_NAMES[term]
+        return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(title, word))
 
-    def term(found: re.Match[str]) -> str:
-        return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(GLOSSARY[found.group()], found.group()))
-
-    parts = _IDENTIFIER.split(str(escape(text)))  # escaping leaves identifiers and terms as they are
-    between = [_TERM.sub(term, part, count=1) for part in parts]
-    named = [one(found) for found in _IDENTIFIER.finditer(str(escape(text)))]
-    return Markup("".join(word for pair in zip(between, [*named, ""], strict=True) for word in pair))
+    return Markup(_MARKED.sub(one, str(escape(text))))  # escaping leaves identifiers and terms as they are

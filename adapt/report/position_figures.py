@@ -12,7 +12,7 @@ MOST_SUBJECTS = 3
 """Largest number of subjects whose paths are drawn: the first ones."""
 
 WIDTH, HEIGHT = 340.0, 90.0
-"""Size of a drawing in its own units; the names of the motions stand below."""
+"""Size of a drawing in its own units; the numbers of the motions stand below."""
 
 _AXES = ("lateral", "up", "backward")
 

@@ -50,7 +50,7 @@ def before_and_after(model: AnyModel, fits: pd.DataFrame, parameters: pd.DataFra
     one, other = one[good], other[good]
     rows = one[KEYS].reset_index(drop=True)
     own = jax.tree.map(lambda x: x[..., good.to_numpy()], girdles)
-    adapted = girdles_after(model, other["subject"].tolist(), parameters)
+    adapted = girdles_after(model, other["subject"].tolist(), parameters) if len(rows) else own
     return BeforeAfter(rows, State(own, _angles(one)), State(adapted, _angles(other)))
 
 

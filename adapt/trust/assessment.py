@@ -20,14 +20,11 @@ from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problems import Problems
 from adapt.tables.before_after import before_and_after
 from adapt.tables.contact_table import contact_table
-from adapt.tables.folds import MOTION, POSTURES
-from adapt.tables.held_out import by_subject
 from adapt.tables.muscle_tables import serratus_arms
-from adapt.tables.results import DIFFERENCES
 from adapt.trust.changed_forces import force_checks
-from adapt.trust.flat_directions import FLAT_MM, flat_directions
+from adapt.trust.flat_directions import FLAT_MM
 from adapt.trust.profile import Profile, profile_intervals
-from adapt.trust.thorax_plausibility import PASS, WARNING, checks
+from adapt.trust.usable_results import flat_by_subject, plausibility_table, use_table
 from adapt.trust.weight_choice import weight_table
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, as_list
@@ -41,6 +38,14 @@ PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
 _ALMOST_NO_POINTS = 1e3
 """Factor on w at which the thorax points determine only what the motion leaves undetermined: D has a thousandth of its
 weight."""
+
+
+_COLUMNS = (
+    *("model", "subject", "status"),
+    *(f"gap_{word}_deg" for word in ("before", "in_sample", "unseen_motion", "unseen_postures")),
+    *("noise_deg", "points_forbid", "jump_free", "at_bound", "flat", "plausibility", "warnings"),
+)
+"""Columns of ``trust.csv``."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +96,12 @@ def assess_trust(
     pairs = [(model, before_and_after(model, result.fits, result.parameters)) for model in models]
     contact = contact_table(pairs)
     forces = force_checks(contact, serratus_arms(pairs))
-    plausible = pd.concat([plausibility_table(everyone, models, adapted), forces], ignore_index=True)
+    plausible = pd.concat([plausibility_table(models, result.parameters), forces], ignore_index=True)
     spread = uncertainty_table(everyone, models, data, adapted, found, profile)
     weights = None
     if choose_weight:
         weights = weight_table(data, problems.rows, names, problems.held_out.folds, progress=progress)
-    summary = _subjects_table(motions, everyone, names, result, adapted, found, free, result.heldout, plausible)
+    summary = _subjects_table(motions, names, result, found, free, plausible)
     return Trust(result, summary, spread, plausible, contact, weights)
 
 
@@ -148,20 +153,6 @@ def uncertainty_table(
     return pd.DataFrame(rows)
 
 
-def plausibility_table(subjects: Sequence[str], models: Sequence[AnyModel], adapted: Adapted) -> pd.DataFrame:
-    """Tabulate ``plausibility.csv``: value, limits, reason of the limits, and ``pass`` or ``warning``.
-
-    There is one row per model, subject and check; ``own_value`` is the value of the parameter set itself.
-    """
-    rows = []
-    for (model, subject), theta_mm in zip(product(models, subjects), adapted.theta_mm.T, strict=True):
-        mine = model.of(subject)
-        own = checks(mine, np.asarray(mine.girdle.adapted_mm))
-        every = zip(checks(mine, theta_mm), own, strict=True)
-        rows += [check.row(model.name, subject, before.value) for check, before in every]
-    return pd.DataFrame(rows)
-
-
 def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
     """Compute, by subject, the share of steps along the motions that stay on one branch of solutions.
 
@@ -172,38 +163,24 @@ def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
     return {name: float(np.mean(smooth[own])) if len(own) else float("nan") for name, own in steps.items()}
 
 
-def _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible) -> pd.DataFrame:
+def _subjects_table(motions, names, result, found, free, plausible) -> pd.DataFrame:
     """Tabulate ``trust.csv``; gaps are mean |simulated - measured| over all angles, degrees.
 
     ``points_forbid`` is the share of the possible decrease of mean J, without the thorax points but within the bounds,
     that these points prevent. ``jump_free`` is the share of steps along the motions without a jump to another branch.
     """
-    unseen = by_subject(heldout).set_index(["model", "subject", "kind"])["gap_unseen_deg"].to_dict()
-    fits = result.fits.assign(
-        gap_deg=result.fits[DIFFERENCES].abs().mean(axis=1).where(result.fits["status"] == status.OK)
-    )
-    gap = fits.groupby(["model", "subject", "adapted"])["gap_deg"].mean().to_dict()
-    before = result.parameters.set_index(["model", "subject"])["mean_j_before_deg2"].to_dict()
+    adapted, subjects, fits = result.problems.adapted, motions.subjects, result.fits
+    table = use_table(result, plausible, flat_by_subject(names, subjects, found))
     least = [np.where(one.status == status.OK, one.mean_j_deg2, np.nan) for one in (adapted, free)]
-    warned = (
-        plausible[plausible["verdict"] == WARNING].groupby(["model", "subject"])["check"].apply(", ".join).to_dict()
+    forbid = map(improvement_blocked_by_points, result.parameters["mean_j_before_deg2"], *least)
+    smooth = [jump_free_share(motions, fits[(fits["model"] == name) & (fits["adapted"] == 1)]) for name in names]
+    table = table.assign(
+        status=adapted.status,
+        noise_deg=found.noise_deg,
+        points_forbid=list(forbid),
+        jump_free=[one[subject] for one in smooth for subject in subjects],
     )
-    rows, words = [], adapted.status
-    for m, model in enumerate(names):
-        smooth = jump_free_share(motions, fits[(fits["model"] == model) & (fits["adapted"] == 1)])
-        for problem, subject in enumerate(subjects, m * len(subjects)):
-            row: dict[str, object] = {"model": model, "subject": subject, "status": words[problem]}
-            row |= {"gap_before_deg": gap.get((model, subject, 0)), "gap_in_sample_deg": gap.get((model, subject, 1))}
-            row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
-            row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)
-            row["noise_deg"] = found.noise_deg[problem]
-            row["points_forbid"] = improvement_blocked_by_points(before[model, subject], *(J[problem] for J in least))
-            row["jump_free"] = smooth[subject]
-            row["at_bound"] = ", ".join(n for n, at in zip(ADAPTED, adapted.at_bound[:, problem], strict=True) if at)
-            row["flat"] = "; ".join(flat_directions(found.covariance_mm2[..., problem]))
-            row["plausibility"] = WARNING if (model, subject) in warned else PASS
-            rows.append(row | {"warnings": warned.get((model, subject), "")})
-    return pd.DataFrame(rows)
+    return table.reindex(columns=list(_COLUMNS))
 
 
 def improvement_blocked_by_points(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:

@@ -54,7 +54,7 @@ def by_posture(effect: Effect) -> Effect:
         effect,
         name=effect.name + SUFFIX,
         what=effect.what.replace("with elevation", "with the posture of the bones"),
-        unit=f"{effect.unit} a {UNIT_DEG:g} deg",
+        unit=f"{effect.unit} per {UNIT_DEG:g} deg",
         strength_unit=effect.size_unit,
         directions=tuple(f"{one} by {angle}" for one in effect.directions for angle in angles),
         adjust=_adjust_followed(effect.adjust, strengths),

@@ -1,4 +1,4 @@
-"""The first output a new user sees: ``girdle`` alone, ``--version``, ``--help``, shell completion."""
+"""The first output a new user sees: ``girdle`` alone, ``--version``, ``--help``, shell completion, a first table."""
 
 import os
 import shlex
@@ -10,8 +10,12 @@ from pathlib import Path
 import pytest
 import typer
 from command import girdle
+from handmade import adaptations, motions_of, rising
 
 from adapt.cli import app as cli
+from adapt.cli.terminal.console import PlainConsole
+from adapt.cli.terminal.print_tables import print_summary
+from models import load_model
 
 ROOT = Path(__file__).parents[2]
 
@@ -137,3 +141,10 @@ def test_an_adaptation_waits_for_no_library_of_others():
     command = [sys.executable, "-c", code]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert ended.stdout.split() == []
+
+
+def test_at_80_columns_a_subject_of_fifteen_letters_stays_in_one_piece(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    summary = adaptations(motions_of(rising(1, 4), ["simulated_trial"]), [load_model("R2")]).summary
+    print_summary(PlainConsole(), summary, 1)
+    assert capsys.readouterr().out.count(" simulated_trial ") == 2

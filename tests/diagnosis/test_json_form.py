@@ -39,7 +39,7 @@ KEYS = {
 
 INTERVAL = {"value", "low", "high"}
 KINDS = ("noise_floor", "base", "adapted", "own_bones", "with_effect")
-AMPLITUDE = {*INTERVAL, "what", "basis", "unit", "typical", "too_large", "directions", "option", "by_subject"}
+AMPLITUDE = {*INTERVAL, "what", "basis", "unit", "typical", "too_large", "directions", "option", "by_subject", "extent"}
 
 
 def numbers(object: Mapping[str, Any], keys: set[str]) -> bool:
@@ -79,6 +79,8 @@ def assert_contract(found: Mapping[str, Any]) -> None:
     assert all(len(group) > 1 for group in found["indistinguishable"])
     proposal = {"what", "between", "separation_now", "separation_then", "apart_deg"}
     assert all(set(one) == proposal for one in found["next_measurement"])
+    choice = {"what", "how_many", "how", "gain", "gain_deg"}
+    assert [set(one) for one in found["measure_next"]] == [choice, choice]
     assert set(found["noise"]) == {"angle_deg", "source", "freedom"}
     assert isinstance(found["axial_is_computed"], bool)
 

@@ -1,19 +1,24 @@
-"""Sizes measured by landmarks: exact where positions are exact, and absent without positions."""
+"""Sizes measured by landmarks: exact where positions are exact, and absent without positions; the extent of causes."""
 
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from handmade import motions_of
 
 from adapt.diagnosis.fit.candidates import build_design
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
+from adapt.diagnosis.inference.extent import extent
+from adapt.diagnosis.result import ELEVATION, Extent
 from models import load_model
 from models.effects import EFFECTS
 from models.girdle import Girdle, bone_rotations, chain_landmarks
 from models.person.sizes import PALPATOR_LENGTH_MM
+from motions import ANGLES, Motions
 from motions.landmarks.sampled_postures import CLAVICLE_PLACED
+from motions.rhythm import REST_DEG
 from motions.rhythm_subjects import simulate_subjects
 
 SUBJECTS = 3
@@ -77,3 +82,50 @@ def test_the_diagnosis_starts_from_what_landmarks_say():
     own = candidates.places["clavicle_length"]
     assert (candidates.mean[own], candidates.scale[own]) == sizes["clavicle_length"]
     assert (candidates.mean[candidates.places["thorax_tilt"]] == 0.0).all()
+
+
+# --- extent over the postures --------------------------------------------------------------------------------------
+
+
+def moved(name: str, amplitude: list[float], motions: Motions) -> Extent:
+    effect = EFFECTS[name]
+    felt = effect.basis.felt(len(effect.directions), motions)
+    return extent(effect, np.einsum("a,acp->cp", amplitude, felt), motions)
+
+
+def of_one_angle(values_deg: list[float]) -> Motions:
+    """Return one subject whose scapular protraction alone changes, with the arm rising evenly."""
+    angles_deg = np.tile(REST_DEG, (1, len(values_deg), 1))
+    angles_deg[0, :, ANGLES.index("scapula_y")] += values_deg
+    return motions_of(angles_deg)
+
+
+def test_the_extent_is_the_largest_strength_from_the_mean_with_its_main_direction():
+    """Check by hand: 0, 30 and 60 deg of protraction move AC by -6, 0, 6 mm backward and a tenth of that upward."""
+    motions = of_one_angle([0.0, 30.0, 60.0])
+    found = moved("ac_translation:posture", [0.0, 0.0, 0.0, 0.6, 0.0, 0.0, -6.0, 0.0, 0.0], motions)
+    assert found.largest == pytest.approx(6.0 * np.hypot(1.0, 0.1))
+    assert found.directions == pytest.approx({"back": -1.0 / 1.01})
+    assert found.follows == "scapula_y"
+
+
+def test_where_no_direction_has_half_of_the_squares_the_two_largest_are_named():
+    motions = of_one_angle([0.0, 30.0, 60.0])
+    found = moved("ac_translation:posture", [3.0, 0.0, 0.0, 2.0, 0.0, 0.0, 2.9, 0.0, 0.0], motions)
+    assert list(found.directions) == ["along", "back"]
+
+
+def test_over_elevation_a_movement_that_comes_back_follows_nothing_and_a_line_follows_the_arm():
+    """Check a line, and a bend alone, whose sign is that of the posture with the largest strength."""
+    motions = of_one_angle([0.0] * 7)
+    line = moved("ac_translation", [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0], motions)
+    assert (line.follows, list(line.directions)) == (ELEVATION, ["back"])
+    bend = moved("ac_translation", [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0], motions)
+    assert bend.follows == ""
+    assert bend.directions["back"] == pytest.approx(-1.0)
+
+
+def test_a_constant_is_as_large_in_every_posture():
+    found = moved("scapula_landmark_bias", [3.0, 0.0, -4.0], of_one_angle([0.0, 30.0]))
+    assert (found.largest, found.follows) == (pytest.approx(5.0), "")
+    assert found.directions == pytest.approx({"about z": -0.64})

@@ -1,6 +1,7 @@
 """A diagnosis in words: the sentence, of at most thirty words, and the notes."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -9,18 +10,22 @@ from diagnoses import (
     BY_KIND,
     LONE,
     MANY,
+    NO_POSITIONS,
     NOTHING,
     ONE,
     OUTSIDE,
+    POSITIONS,
     TWO,
     UNTESTED,
+    amplitude,
     cause,
     gap_of,
     verdict,
 )
 
-from adapt.diagnosis.result import EFFECT, Gaps, Interval, Noise
-from adapt.diagnosis.texts.cause_sentences import measure_next
+from adapt.diagnosis.result import EFFECT, Extent, Gaps, Interval, Noise
+from adapt.diagnosis.texts.cause_sentences import cause_sentence
+from adapt.diagnosis.texts.measure_next import measure_next
 from adapt.diagnosis.texts.notes import notes
 from adapt.diagnosis.texts.wording import (
     MOST_WORDS,
@@ -38,9 +43,10 @@ from adapt.diagnosis.texts.wording import (
     step_text,
     with_unit,
 )
+from models.effects import EFFECTS
 
 BEYOND = "Beyond own bones the gap of 6 shoulders on held-out {} deg with {}; noise alone leaves 0.3."
-OWN = "{} on held-out {} deg with own bones; noise alone leaves 0.3."
+OWN = "{} on held-out {} with own bones; noise alone leaves 0.3."
 
 SENTENCES = {
     "one": BEYOND.format("motions shrinks from 2.0 to 0.9", "scapula_landmark_bias"),
@@ -51,11 +57,13 @@ SENTENCES = {
         "motions shrinks from 2.0 to 0.9",
         "ac_translation, scapulothoracic_gap, clavicle_length, scapula_size and clavicle_frame_bias",
     ),
-    "nothing": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions goes from 0.5 to 0.5"),
-    "outside": OWN.format("No listed cause explains the rest: the gap of 6 shoulders", "motions goes from 2.8 to 2.8"),
+    "nothing": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions stays at 0.5 deg"),
+    "outside": OWN.format("No listed cause explains the rest: the gap of 6 shoulders", "motions stays at 2.8 deg"),
     "lone": BEYOND.format("postures shrinks from 1.8 to 0.7", "scapula_landmark_bias"),
-    "untested": OWN.format("One motion of one person cannot show a cause: the gap", "postures goes from 2.6 to 1.8"),
-    "blind": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions goes from - to -"),
+    "untested": OWN.format(
+        "One motion of one person cannot show a cause: the gap", "postures goes from 2.6 to 1.8 deg"
+    ),
+    "blind": OWN.format("People differ, nothing else shows: the gap of 1 shoulder", "motions is not known"),
 }
 
 
@@ -203,5 +211,102 @@ def test_all_causes_go_together_into_one_adaptation():
 def test_nothing_is_asked_for_that_is_told_apart_as_it_is():
     """A log evidence of 4 is a probability of 0.98."""
     told = replace(ONE, next_measurement=[replace(one, separation_now=4.0) for one in ONE.next_measurement])
-    assert any("tells ac_translation from conoid_strain" in one for one in measure_next(ONE))
-    assert not any("tells" in one for one in measure_next(told))
+    assert any("ac_translation and conoid_strain are 0.40 deg apart" in one.gain for one in measure_next(ONE))
+    assert not any("apart" in one.gain for one in measure_next(told))
+
+
+@pytest.mark.parametrize("positions", [NO_POSITIONS, POSITIONS], ids=["angles", "positions"])
+@pytest.mark.parametrize("rivals", [True, False], ids=["rivals", "alone"])
+@pytest.mark.parametrize("kind", BY_KIND)
+def test_two_measurements_are_always_proposed_with_a_number_and_a_gain(kind, rivals, positions):
+    asked = replace(BY_KIND[kind], positions=positions)
+    asked = asked if rivals else replace(asked, next_measurement=[])
+    first, second = measure_next(asked)
+    assert first.what != second.what
+    for one in (first, second):
+        assert any(letter.isdigit() for letter in one.how_many)
+        if math.isnan(one.gain_deg):
+            assert "not computed" in one.gain
+            continue
+        assert f"{one.gain_deg:.2f}" in one.gain or one.gain_deg == pytest.approx(_fall(one.gain), abs=0.01), one.gain
+        assert all(len(part.split()) <= MOST_WORDS for part in one.sentences.split(". "))
+
+
+def _fall(gain: str) -> float:
+    """Return by how much the first number of a gain is above or below the next one."""
+    first, other = (float(number) for number in re.findall(r"\d+\.\d\d", gain)[:2])
+    return abs(first - other)
+
+
+def test_more_persons_narrow_an_interval_by_the_root_of_their_number():
+    """Half widths of 0.1 become 0.07 with 10 persons in place of 5."""
+    one = measure_next(replace(ONE, next_measurement=[]))[0]
+    assert (one.what, one.how_many) == ("more persons", "10 in place of 5")
+    assert one.gain == (
+        "the gap on held-out motions is known to within 0.07 deg in place of 0.10, "
+        "the size of scapula_landmark_bias to 0.07 deg in place of 0.10"
+    )
+    assert one.gain_deg == pytest.approx(0.1 * (1.0 - math.sqrt(0.5)))
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("abduction of twice as many persons", "more of abduction: 10 in place of 5 persons, measured as before."),
+        ("twice as many persons", "more persons: 10 in place of 5, by the same motions."),
+        ("positions of SC, to 2 mm", "positions of SC: in the 84 postures of the 5 persons, to 2 mm, with girdle"),
+    ],
+)
+def test_a_proposal_between_two_names_says_how_many_and_how(what, said):
+    one = replace(ONE.next_measurement[0], what=what)
+    assert measure_next(replace(ONE, next_measurement=[one]))[0].sentences.startswith(said)
+
+
+def test_without_a_cause_the_gain_is_at_most_the_gap_that_nothing_explains():
+    first, second = measure_next(replace(OUTSIDE, next_measurement=[]))
+    assert first.sentences == (
+        "positions of SC and AC: in the 84 postures of the 5 persons, with girdle convert. Gain: joints that move show "
+        "there; at most 2.50 deg, the held-out gap that own bones and noise leave."
+    )
+    assert second.sentences == (
+        "again abduction at 0 to 30 deg: 10 postures more of the 5 persons, measured anew, to tell errors of "
+        "measurement from a cause. Gain: the noise of an angle falls from 1.40 to 0.99 deg where scapula protraction "
+        "has 70 % of the gap beyond noise."
+    )
+    assert math.isnan(measure_next(BLIND)[0].gain_deg)
+    assert "not computed" in measure_next(BLIND)[0].gain
+
+
+def test_a_cause_says_size_extent_and_direction_and_no_number_twice():
+    first, second = (cause_sentence(TWO, one).split(". ")[0] for one in TWO.verdict.causes)
+    assert first == (
+        "AC joint moves (ac_translation): 4.0 [3.9, 4.1] mm over the postures, up to 6.0 mm, mostly away from SC as "
+        "the scapula protracts; typical 3.0 mm"
+    )
+    assert "up to 18.0 mm, mostly outward at TS as the arm rises; typical 5.0 mm" in second
+    assert cause_sentence(ONE, ONE.verdict.causes[0]).startswith(
+        "Scapula frame turned (scapula_landmark_bias): 7.0 [6.9, 7.1] deg in every posture, mostly about x; typical"
+    )
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_sentence_on_any_cause_has_thirty_words(name):
+    """Check every effect with its two last directions, both the other way, and no quantity that it follows."""
+    effect = EFFECTS[name]
+    one = amplitude(effect.cause, 4.0, 3.0, effect.basis.word, name.removeprefix(effect.cause))
+    names = list(dict.fromkeys(direction.partition(" by ")[0] for direction in effect.directions))
+    names = names[-2:] if names[2:] else names[:1]  # of two, one has half
+    for follows in ("", "elevation", "scapula_z") if effect.basis.word else ("",):
+        extent = Extent(6.0, dict.fromkeys(names, -0.4), follows)
+        said = cause_sentence(
+            replace(ONE, amplitude={effect.cause: replace(one, extent=extent)}), cause(effect.cause)
+        ).split(". ")[0]
+        assert len(said.split()) <= MOST_WORDS, said
+        assert said.count("4.0") == 1
+
+
+def test_a_gap_that_does_not_change_stays():
+    steps = [replace(step, gap_deg=Interval(0.7, 0.6, 0.8)) for step in ONE.budget]
+    said = cause_sentence(replace(ONE, budget=tuple(steps)), ONE.verdict.causes[0])
+    assert "With it the gap on held-out motions stays at 0.70 deg." in said
+    assert "stays at 0.7 deg with scapula" in sentence(replace(ONE, gaps=gap_of(1.5, 0.7, 0.7)))

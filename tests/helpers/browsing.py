@@ -14,6 +14,7 @@ needs_browser = pytest.mark.skipif(installed_browser() is None, reason=f"none of
 WIDE = {"width": 1400, "height": 900}
 DESK = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}
+TABLET = {"width": 800, "height": 900}
 
 COARSE = """
 let plotly;

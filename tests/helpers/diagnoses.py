@@ -13,6 +13,7 @@ from adapt.diagnosis.result import (
     ALL,
     BASE,
     EFFECT,
+    ELEVATION,
     NOISE,
     NONE,
     OWN_BONES,
@@ -22,6 +23,7 @@ from adapt.diagnosis.result import (
     CauseAmplitude,
     Diagnoses,
     Diagnosis,
+    Extent,
     GapKind,
     Gaps,
     Interval,
@@ -93,14 +95,17 @@ def cause(*names: str, gain: float = 0.5) -> Cause:
     return Cause(names, tuple(1.0 / len(names) for _ in names), gain, 6.0, ("other_motion", "other_person"))
 
 
-def amplitude(name: str, size: float, typical: float, basis: str = "", suffix: str = "") -> CauseAmplitude:
-    """Return the amplitude of a cause that acts in its first direction alone."""
+def amplitude(
+    name: str, size: float, typical: float, basis: str = "", suffix: str = "", follows: str = ""
+) -> CauseAmplitude:
+    """Return the amplitude of a cause that acts in its first direction alone and ``follows`` a quantity."""
     effect = EFFECTS[name + suffix]
     first, *others = effect.directions
     directions = {first: around(size)} | dict.fromkeys(others, Interval(0.0, -0.1, 0.1))
     values = (size, *(0.0 for _ in others))
+    extent = Extent(1.5 * size if basis else size, {first.partition(" by ")[0]: 0.8}, follows)
     return CauseAmplitude(
-        effect.name, effect.what, basis, EFFECTS[name].unit, around(size), typical, directions, values
+        effect.name, effect.what, basis, effect.size_unit, around(size), typical, directions, values, extent=extent
     )
 
 
@@ -110,8 +115,8 @@ def cell(angle: str, low: float, mean_absolute: float, share: float) -> Cell:
 
 
 PROPOSALS = [
-    Proposal("positions of AC beside the angles", ("ac_translation", "conoid_strain"), 0.5, 12.0, 0.4),
-    Proposal("twice as many subjects (12)", ("ac_translation", "conoid_strain"), 0.5, 1.2, 0.4),
+    Proposal("positions of SC AC, to 2 mm", ("ac_translation", "conoid_strain"), 0.5, 12.0, 0.4),
+    Proposal("twice as many persons", ("ac_translation", "conoid_strain"), 0.5, 1.2, 0.4),
 ]
 
 _RHYTHM = simulate_subjects(6, seed=0)
@@ -186,8 +191,8 @@ TWO = replace(
         scapulothoracic_gap=0.88,
     ),
     amplitude={
-        "ac_translation": amplitude("ac_translation", 4.0, 3.0, "posture of the bones", ":posture"),
-        "scapulothoracic_gap": amplitude("scapulothoracic_gap", 12.0, 5.0, "elevation of the arm"),
+        "ac_translation": amplitude("ac_translation", 4.0, 3.0, "posture of the bones", ":posture", "scapula_y"),
+        "scapulothoracic_gap": amplitude("scapulothoracic_gap", 12.0, 5.0, "elevation of the arm", follows=ELEVATION),
     },
     budget=gap_budget(
         **{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "ac_translation": 1.4, "scapulothoracic_gap": 0.9, NOISE: 0.3},

@@ -31,6 +31,7 @@ from adapt.own_bones.own_adaptation import learn_people
 from adapt.solvers.rows import posture_rows
 from adapt.tables.held_out import NOTHING
 from adapt.tables.results import STATISTICS
+from adapt.trust.usable_results import flat_by_subject
 from models import load_model
 from motions import InputError, MotionStream, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
@@ -101,8 +102,9 @@ def test_a_part_is_what_its_subjects_are_alone(motion):
     folder = motion.parent / "alone"
     folder.mkdir()
     made = Parts(folder, "key")
-    made.make(work(motions.subjects), [motions], one_after_another, lambda _: None)
+    made.make(work(motions.subjects, motions.subjects), [motions], one_after_another, lambda _: None)
     found = made.merge(folder, work(shown=motions.subjects))
+    assert found.flat == flat_by_subject(["R2"], motions.subjects, tables.uncertainty)
     for name in ("summary", "parameters", "heldout"):
         pd.testing.assert_frame_equal(getattr(found, name), getattr(tables, name), check_exact=True)
     pd.testing.assert_frame_equal(found.shown.fits, tables.fits, check_exact=True)

@@ -291,7 +291,7 @@ def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
     two = replace(made, heldout=heldout)
     said = words_of(report_html(motions, R2, two))
     assert f"{HELD_OUT_DEG}° {HELD_OUT_DEG}° 12 of 12" in said
-    assert f"° before adaptation to {HELD_OUT_DEG:.1f}°" in said
+    assert f" before adaptation to {HELD_OUT_DEG:.1f} deg" in said
     assert "of 2 of the subjects" in said
     assert "of 2 of the subjects" not in words_of(report_html(motions, R2, made))
     (model,) = figure_data(motions, R2, two, {})["models"]
@@ -373,6 +373,8 @@ def test_the_page_says_whether_the_positions_agree():
     assert "SC, backward: 0 to 1 mm" in words
     assert html.count('class="path-with_causes"') == 3 * 4 * 2  # subjects, three components and a distance, motions
     assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
+    assert "Motions: 1 abduction, 2 forward_flexion." in words
+    assert re.findall(r"<text[^>]*>(.*?)</text>", html)[:3] == ["1", "2", "1"], "no name runs into the next one"
     without = report_html(motions, R2, adaptations(motions, R2), {}, alone(ONE))
     assert "Do the positions agree?" not in without
 
@@ -382,7 +384,7 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
     html = report_html(motions, R2, adaptations(motions, R2), {}, alone(TWO))
     words, bars = words_of(html), bars_of(html)
     names = "AC joint moves ac_translation or conoid stretches conoid_strain"
-    seen = "other motion, other person"
+    seen = "held-out motions and held-out persons"
     assert f"{names} 0.62 0.31 {seen} 50 % 4.0 [3.9, 4.1] mm 3.0 mm" in words
     gap = "12.0 [11.9, 12.1] mm (!) 5.0 mm"
     assert f"scapula lifts off the thorax scapulothoracic_gap 0.88 {seen} 30 % {gap}" in words
@@ -390,6 +392,19 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
     assert "Unexplained beyond noise: 24 %" in words
     assert bars["+ ac_translation"] == "1.40 [1.30, 1.50]"
     assert html.count('<div class="answer named">') == 5, "two steps of the gap budget, three names"
+
+
+def test_a_cause_that_positions_show_takes_no_share_and_is_described_as_it_was_found():
+    """Check the named basis, not the first one of the cause, and coefficients with their unit."""
+    (first, *_), motions = TWO.verdict.causes, motions_of(rising(10, 4))
+    shown = replace(TWO, verdict=replace(TWO.verdict, causes=(replace(first, tested_on=("positions",)),)))
+    html = report_html(motions, R2, adaptations(motions, R2), {}, alone(shown))
+    words = words_of(html)
+    assert "measured positions - 4.0 [3.9, 4.1] mm" in words
+    assert 'title="AC centre moves in the clavicle with the posture of the bones">AC joint moves</abbr>' in html
+    assert 'title="conoid length changes with elevation or posture">conoid stretches</abbr>' in html
+    assert "mm per 30 deg along by scapula_y 4.00" in words
+    assert not re.search("other motion, other person|Put FOLDER|FOLDER is", words)
 
 
 def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer():
@@ -408,4 +423,4 @@ def test_what_a_diagnosis_could_not_tell_is_a_dash():
     assert "adapted - [-, -]" in words
     assert "Unexplained" not in words
     assert "Every candidate could be told from every other one" in words
-    assert "None was proposed" in words
+    assert "Gain: a cause can then be tested on held-out persons; not computed" in words

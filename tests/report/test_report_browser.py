@@ -1,15 +1,14 @@
 """The report in a real browser, as a user operates it: steps, rotation, selections, on a desktop and on a phone."""
 
 import json
-import re
 from dataclasses import replace
 from functools import cache
 from io import BytesIO
 
 import numpy as np
 import pytest
-from browsing import EYE, PHONE, WIDE, Seen, column, needs_browser, numbers_of
-from diagnoses import MANY, NOTHING, TWO, gap_of
+from browsing import EYE, PHONE, TABLET, WIDE, Seen, column, needs_browser, numbers_of
+from diagnoses import NOTHING, TWO, gap_of
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
@@ -21,7 +20,6 @@ from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.texts.wording import sentence
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS
-from models import load_model
 from models.effects import EFFECTS
 from motions import InputError, Motions
 from scripts.picture_report import main, picture
@@ -35,8 +33,6 @@ DRAWN_SHARE = 2e-3
 """Twice that rounding as a share of a semi-axis of 100 mm."""
 
 LARGEST_PICTURE_BYTES = 250_000
-
-TABLET = {"width": 800, "height": 900}
 
 HEAT = "document.querySelector('#heat-maps .figure').data[0]"
 
@@ -384,7 +380,7 @@ def test_a_diagnosis_is_in_the_page(look, window):
     causes = ["+ AC joint moves ac_translation", "+ scapula lifts off the thorax scapulothoracic_gap"]
     assert steps == ["model as it is", "adapted", "+ own bones", *causes, "noise alone"]
     hovered = page.locator("#gap-budget [data-model=R2] abbr").first.get_attribute("title")
-    assert hovered == EFFECTS["ac_translation"].what
+    assert hovered == EFFECTS["ac_translation:posture"].what
     widths = [
         box["width"] for one in page.locator("#gap-budget [data-model=R2] .bar").all() if (box := one.bounding_box())
     ]
@@ -483,33 +479,3 @@ def test_the_picture_of_a_report_is_small(started, tmp_path):
 def test_a_report_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         main(tmp_path / "report.html", tmp_path / "report.png")
-
-
-FIVE = [load_model(name) for name in ("R2", "R4", "R6", "breteler_dissection", "breteler_mri")]
-
-
-@cache
-def five_sets() -> str:
-    """Make a report of five sets: two causes, one with the posture as basis; as many sets as the page has room for."""
-    motions = two_motions(3)
-    diagnoses = {one.name: replace(MANY if k % 2 else TWO, model=one.name) for k, one in enumerate(FIVE)}
-    return report_html(motions, FIVE, adaptations(motions, FIVE), {}, Diagnoses(diagnoses))
-
-
-@pytest.mark.parametrize("width", [PHONE["width"], TABLET["width"], WIDE["width"]])
-def test_the_longest_diagnosis_of_five_sets_fits(look, width):
-    seen = look(five_sets(), {"width": width, "height": 900})
-    for number in range(len(FIVE)):
-        seen.page.select_option("#model", index=number)
-        seen.assert_quiet()
-
-
-def test_the_command_to_copy_names_the_folder_of_the_page(look):
-    seen = look(five_sets())
-    command = seen.page.locator(".command:visible")
-    said = command.locator("code").inner_text()
-    assert "--model R2 --own-bones --effects-of" in said
-    assert "FOLDER" not in said, "the page was opened as a file"
-    command.locator("button").click()
-    expect(command.locator("[role=status]")).to_have_text(re.compile("copied|selected"))
-    seen.assert_quiet()

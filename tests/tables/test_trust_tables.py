@@ -8,7 +8,7 @@ import pytest
 from handmade import adaptations, motions_of, rising
 
 from adapt.cli.terminal.console import PlainConsole
-from adapt.cli.terminal.print_trust import print_weights, trust_sentences
+from adapt.cli.terminal.print_trust import print_weights
 from adapt.evaluation.covariance import NORMAL_95
 from adapt.evaluation.held_out import gaps_deg, sample
 from adapt.tables.folds import (
@@ -22,6 +22,7 @@ from adapt.tables.folds import (
 from adapt.tables.held_out import NOTHING, by_model, by_subject, fewest_parts
 from adapt.trust.assessment import improvement_blocked_by_points, jump_free_share
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
+from adapt.trust.usable_results import trust_sentences
 from models import load_model, model_names
 from motions import Motions
 from scripts import reporting

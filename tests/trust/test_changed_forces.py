@@ -15,9 +15,9 @@ from adapt.tables.before_after import BeforeAfter, before_and_after
 from adapt.tables.contact_table import contact_table
 from adapt.tables.muscle_tables import muscle_tables, serratus_arms, unbalanced
 from adapt.tables.results import fits_table
-from adapt.trust.assessment import plausibility_table
 from adapt.trust.changed_forces import SERRATUS_RATIO, TURNED_DEG, force_checks
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
+from adapt.trust.usable_results import plausibility_table
 from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED_PARAMETERS
 from models.muscles.muscle_lines import muscle_lines
@@ -115,7 +115,7 @@ def test_what_an_adaptation_without_bounds_runs_away_to_is_flagged(name):
     result = adapt_subjects(motions, free, held_out=())
     assert set(result.parameters["status"]) == {status.OK}
     assert np.all(result.parameters["A_y_mm"] > 0.5 * UNBOUND_MM)
-    found = plausibility_table(motions.subjects, [free], result.adapted[name])
+    found = plausibility_table([free], result.parameters)
     of_size = found[found["check"].isin(["depth", "width", "volume"])]
     assert len(of_size) == 6
     assert set(of_size["verdict"]) == {WARNING}

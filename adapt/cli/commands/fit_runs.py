@@ -133,6 +133,7 @@ def adapt_motions(
                     sampled_from=len(subjects),
                     active_effects=described(known.effects),
                     thorax_downweighting=less,
+                    flat=result.flat,
                 )
         _print_results(result, work, known, tables=tables)
         say_report(folder, wrong)

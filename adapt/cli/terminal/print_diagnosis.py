@@ -8,7 +8,8 @@ from rich.table import Table
 from adapt.cli.terminal.console import folding_table
 from adapt.cli.terminal.print_verdict import print_folded
 from adapt.diagnosis.result import ALL, Diagnoses, Diagnosis, GapKind, GapLevels
-from adapt.diagnosis.texts.cause_sentences import cause_sentence, measure_next
+from adapt.diagnosis.texts.cause_sentences import cause_sentence
+from adapt.diagnosis.texts.measure_next import measure_next
 from adapt.diagnosis.texts.notes import notes
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
@@ -54,8 +55,8 @@ def print_diagnosis(console: Console, diagnoses: Diagnoses, tables: bool, next_c
         print_folded(console, f"Unexplained beyond noise: {percent_text(closest.left_over_share)} of the adapted gap.")
     if len({one.verdict.names for one in diagnoses.by_model.values()}) > 1:
         print_folded(console, "The parameter sets name different causes: one that all name is surer.")
-    for word, what in zip(("Measure next: ", "Second choice: "), measure_next(closest), strict=False):
-        print_folded(console, f"{word}{what}.")
+    for word, one in zip(("Measure next: ", "Second choice: "), measure_next(closest), strict=False):
+        print_folded(console, f"{word}{one.sentences}")
     for slip in closest.slips:
         print_folded(console, f"Left out: {slip}.")
     console.print(f"Next: {next_command}", soft_wrap=True)

@@ -24,8 +24,9 @@ from adapt.tables.results import (
 )
 from motions.table import ANGLES
 
-HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
-"""Abbreviations of the thesis: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
+HEADERS = ("clav\npr", "clav\nel", "clav\nax", "scap\npr", "scap\nro", "scap\nti")
+"""Abbreviations of the thesis: pro/retraction, elevation, axial rotation, latero rotation, tipping. Two lines leave
+subjects the room of ``simulated_trial`` at 80 columns."""
 
 _MOST_PRINTED = 100
 """Largest number of subjects with a line of their own."""
@@ -123,8 +124,8 @@ def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> Non
     parts = heldout.groupby(["model", "subject"]).size()
     for model, rows in by_subject(heldout).groupby("model", sort=False):
         title = (
-            f"{model}: mean |simulated - measured|, degrees: before adaptation, after it\n"
-            "(in sample), and with the motion, or a third of a single one, held out"
+            f"{model}: mean |simulated - measured|, degrees,\nbefore adaptation, after it (in sample),\n"
+            "with the motion, or a third of a single one, held out"
         )
         table = folding_table(title, ("subject",), ("clav", "after", "held", "scap", "after", "held"))
         table.add_column("held out", no_wrap=True)

@@ -10,10 +10,8 @@ from rich.console import Console
 from adapt.cli.terminal.console import folding_table
 from adapt.trust.assessment import Trust
 from adapt.trust.thorax_plausibility import PASS, WARNING
+from adapt.trust.usable_results import trust_sentences
 from models.adapted_parameters import ADAPTED
-
-_HELD_OUT = {"gap_unseen_motion_deg": "motions", "gap_unseen_postures_deg": "postures"}
-"""Columns of ``trust.csv`` with held-out gaps, the strictest first, and their words."""
 
 
 def print_trust(console: Console, found: Trust) -> None:
@@ -104,37 +102,3 @@ def print_weights(console: Console, weights: pd.DataFrame) -> None:
                 f"{model}: the smallest held-out gap is at the end of the weights tried, so these motions choose none"
             )
             console.print(said, soft_wrap=True)
-
-
-def trust_sentences(rows: pd.DataFrame) -> list[str]:
-    """Write from the rows of ``trust.csv`` which results of one set may be used: angles, parameters, ellipsoid."""
-    return [_say_angles(rows), _say_parameters(rows), _say_ellipsoid(rows)]
-
-
-def _say_angles(rows: pd.DataFrame) -> str:
-    held_out = next((column for column in _HELD_OUT if int(rows[column].count())), None)
-    if held_out is None:
-        return "Angles: nothing was held out, so nothing says whether the adaptation predicts."
-    known = rows[rows[held_out].notna()]
-    before, after = known["gap_before_deg"], known[held_out]
-    better = int((after < before).sum())
-    use = "use the adapted model" if 2 * better > len(known) else "use the model as it is"
-    change = f"from {before.mean():.1f} before adaptation to {after.mean():.1f} deg"
-    gap = f"the gap on held-out {_HELD_OUT[held_out]} goes {change}"
-    return f"Angles: {use}; {gap}, smaller in {better} of {len(known)} subjects."
-
-
-def _say_parameters(rows: pd.DataFrame) -> str:
-    said = rows["at_bound"] + " " + rows["flat"]
-    counts = {name: int(said.str.contains(rf"\b{name}\b").sum()) for name in ADAPTED}
-    open_ones = [f"{name} ({count} of {len(rows)})" for name, count in counts.items() if count]
-    if not open_ones:
-        return "Parameters: all are determined."
-    return f"Parameters: do not read {', '.join(open_ones)}: at a bound, or only together with another."
-
-
-def _say_ellipsoid(rows: pd.DataFrame) -> str:
-    warned = rows[rows["plausibility"] == WARNING]
-    if warned.empty:
-        return "Ellipsoid: within all limits."
-    return f"Ellipsoid: look before you use it; outside the limits in {len(warned)} of {len(rows)} subjects."

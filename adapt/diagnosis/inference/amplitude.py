@@ -10,6 +10,7 @@ from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.positions.position_evidence import Shown, shown_sizes
+from adapt.diagnosis.inference.extent import extent
 from adapt.diagnosis.inference.intervals import resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities_of_draws
@@ -46,6 +47,7 @@ def amplitudes(search: Search, hypothesis: Hypothesis, seen: Collection[str]) ->
         found[effect.name] = replace(
             _described(effect, a, draws, columns, felt, candidates),
             by_subject=dict(zip(shoulders.subjects, shares.tolist(), strict=True)),
+            extent=extent(effect, np.einsum("a,acp->cp", a, felt), shoulders.motions),
         )
     return found
 

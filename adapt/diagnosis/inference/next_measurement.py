@@ -15,7 +15,7 @@ from adapt.diagnosis.fit.positions.position_rows import PALPATED_MM, planned_row
 from adapt.diagnosis.fit.positions.shown_noise import shown_noise
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.search import Node, Search
-from adapt.diagnosis.result import Proposal
+from adapt.diagnosis.result import POSITIONS_OF, TWICE_AS_MANY, Proposal
 from models.person.family import AnyModel
 from motions.table import ANGLES
 
@@ -72,15 +72,15 @@ def propose(search: Search, model: AnyModel, named: Node, causes: Sequence[tuple
         now, between = float(evidence.sum()), (names[0], names[1])
         apart = named.posterior.y - other.posterior.y
         apart_deg = float(np.sqrt((apart**2).sum(axis=1).mean() / len(ANGLES)))
-        found.append(Proposal("twice as many persons", between, now, _TWICE * now, apart_deg))
+        found.append(Proposal(TWICE_AS_MANY, between, now, _TWICE * now, apart_deg))
         by_kind = np.bincount(shoulders.motion, evidence, len(shoulders.kinds))
         if len(shoulders.kinds) > 1:
             best = int(by_kind.argmax())
-            what = f"{shoulders.kinds[best]} of twice as many persons"
+            what = f"{shoulders.kinds[best]} of {TWICE_AS_MANY}"
             found.append(Proposal(what, between, now, now + float(by_kind[best]), apart_deg))
         if search.joint.positions is None:
             for landmarks in _LANDMARKS:
-                what = f"positions of {' '.join(landmarks)}, to {PALPATED_MM:g} mm"
+                what = f"{POSITIONS_OF}{' '.join(landmarks)}, to {PALPATED_MM:g} mm"
                 then = _with_landmarks(search, model, named, other, landmarks)
                 found.append(Proposal(what, between, now, then, apart_deg))
     return sorted(found, key=lambda one: -one.separation_then)

@@ -1,46 +1,37 @@
-"""Sentences about a named cause: its action, size and evidence, and what to measure next."""
+"""Sentences about a named cause: its action, size and evidence."""
 
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
-from adapt.diagnosis.result import ADAPTED_STEP, POSITIONS, Cause, CauseAmplitude, Diagnosis, Proposal
+from adapt.diagnosis.result import ADAPTED_STEP, ELEVATION, POSITIONS, Cause, CauseAmplitude, Diagnosis
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
     cause_names,
+    change_text,
     gap_text,
     held_out_kind_text,
     listed,
     number,
-    percent_text,
     with_unit,
 )
 from models.effects import EFFECTS
-from models.effects.amplitudes import PersonalSize
-from models.effects.basis import FULL_ELEVATION_DEG, OverElevation
+from models.effects.by_posture import SUFFIX
 from models.effects.effect import cause_of
 
-_MOST = 0.5
-"""Smallest share of the sum of squares at which a cause acts mostly in one direction."""
-
-_STEPS = 51
-"""Number of elevations at which the largest strength is sought: every 3 degrees of 150."""
-
-_ONE_WAY = {"along": "away from SC", "TS": "at TS", "AI": "at AI"}
-_OTHER_WAY = {
-    "along": "toward SC",
-    "up": "down",
-    "back": "forward",
-    "lateral": "medial",
-    "outward": "inward",
-    "TS": "at TS, toward the thorax",
-    "AI": "at AI, toward the thorax",
+_WORDS = {
+    "along": ("away from SC", "toward SC"),
+    "up": ("up", "down"),
+    "back": ("backward", "forward"),
+    "lateral": ("lateral", "medial"),
+    "outward": ("outward", "inward"),
+    "length": ("longer", "shorter"),
+    "TS": ("outward at TS", "inward at TS"),
+    "AI": ("outward at AI", "inward at AI"),
 }
-"""Words for a direction where its amplitude is above 0 (``_ONE_WAY``) and below 0 (``_OTHER_WAY``); below 0 a minus
-stands before any other direction."""
+"""Words for a direction where its amplitude is above 0, and below 0; any other direction has a minus below 0."""
 
 _AS = {
+    ELEVATION: "the arm rises",
     "clavicle_y": "the clavicle protracts",
     "clavicle_z": "the clavicle is elevated",
     "clavicle_x": "the clavicle turns backward about its axis",
@@ -48,7 +39,7 @@ _AS = {
     "scapula_z": "the scapula rotates laterally",
     "scapula_x": "the scapula tips backward",
 }
-"""Movement of the bone when the angle grows."""
+"""Movement of the arm or bone when the quantity grows."""
 
 _TESTED = {
     POSITIONS: "measured positions",
@@ -61,105 +52,73 @@ _TESTED = {
 
 def cause_sentence(diagnosis: Diagnosis, cause: Cause) -> str:
     """Describe a cause: its action, size, part of the gap, evidence, and the names that it cannot be told from."""
-    one = diagnosis.amplitude[cause.names[0]]
-    names, typical = cause_names(cause), with_unit(number(one.typical), one.unit)
+    one, names = diagnosis.amplitude[cause.names[0]], cause_names(cause)
     said = [
-        f"{_does(one, diagnosis.highest_elevation_deg)} ({names[0]}).",
-        f"Size {amplitude_text(one)}{', root mean square over the postures' * bool(one.basis)}; typical is {typical}.",
+        f"{_does(one, names[0])}; typical {with_unit(number(one.typical), one.unit)}.",
         _takes(diagnosis, names[0]),
-        f"Tested on {listed([_TESTED[kind] for kind in cause.tested_on], 'and')}." if cause.tested_on else "",
+        f"Tested on {tested_text(cause)}." if cause.tested_on else "",
         f"These data cannot tell it from {listed(names[1:], 'or')}." if names[1:] else "",
         "It is larger than such an effect is: something acts like it." if one.too_large else "",
     ]
     return " ".join(filter(None, said))
 
 
-def _does(one: CauseAmplitude, highest_deg: float) -> str:
-    effect = EFFECTS.get(one.effect)
-    plain = EFFECTS[cause_of(one.effect)].plain_name if cause_of(one.effect) in EFFECTS else ""
-    plain = plain or (effect.what if effect else one.what)
-    values = {name: size.value for name, size in one.directions.items()}
-    peak = _largest(one, highest_deg)
-    if peak is not None:
-        size, values = peak
-        raised = f"while the arm rises to {highest_deg:.0f} degrees"
-        return f"{_capital(plain)}: up to {with_unit(number(size), one.unit)}{_mostly(values)}, {raised}"
-    how = f", with the {one.basis}" if one.basis and not _mostly(values) else "" if one.basis else ", a constant"
-    return f"{_capital(plain)}: {with_unit(number(one.size.value), one.unit)}{how}{_mostly(values)}"
+def tested_text(cause: Cause) -> str:
+    """Name the data that confirm a cause: 'held-out motions and held-out persons'."""
+    return listed([_TESTED[kind] for kind in cause.tested_on], "and")
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
+def coefficient_unit(one: CauseAmplitude) -> str:
+    """Return the unit of the amplitudes of a cause: 'mm per 30 deg' over the posture of the bones."""
+    return EFFECTS[one.effect].unit if one.effect in EFFECTS else one.unit
 
 
-def _largest(one: CauseAmplitude, highest_deg: float) -> tuple[float, dict[str, float]] | None:
-    """Compute the largest strength up to the highest elevation, and its components; None for another basis or unit."""
-    effect = EFFECTS.get(one.effect)
-    if effect is None or not isinstance(effect.basis, OverElevation) or effect.strength_unit:
-        return None
-    if not math.isfinite(highest_deg) or one.amplitude is None or isinstance(one.amplitude, str):
-        return None
-    given = one.amplitude.mean if isinstance(one.amplitude, PersonalSize) else one.amplitude
-    by_direction = np.asarray(given, float).reshape(len(effect.directions), -1)
-    terms = effect.basis.terms(np.linspace(0.0, min(highest_deg, FULL_ELEVATION_DEG), _STEPS))
-    strength = by_direction @ terms[: by_direction.shape[1]]
-    best = int(np.linalg.norm(strength, axis=0).argmax())
-    components = dict(zip(effect.directions, strength[:, best].tolist(), strict=True))
-    return float(np.linalg.norm(strength[:, best])), components
+def described(diagnosis: Diagnosis, name: str) -> str:
+    """Describe a candidate in one line: with the basis that was found if it is named, else with every basis that it may
+    have; empty for one from outside the library."""
+    if name in diagnosis.amplitude:
+        return diagnosis.amplitude[name].what
+    what = EFFECTS[name].what if name in EFFECTS else ""
+    other = EFFECTS.get(name + SUFFIX)
+    return what if other is None else what.replace("with elevation", "with elevation or posture")
 
 
-def _mostly(values: Mapping[str, float]) -> str:
-    """Name the main direction: ', mostly back as the scapula protracts'; empty if there is none."""
-    if len(values) < 2:
-        return ""
-    name = max(values, key=lambda one: abs(values[one]))
-    if values[name] ** 2 < _MOST * sum(value**2 for value in values.values()):
-        return ""
-    direction, _, angle = name.partition(" by ")
-    below = values[name] < 0.0
-    direction = _OTHER_WAY.get(direction, f"-({direction})") if below else _ONE_WAY.get(direction, direction)
-    return f", mostly {direction}" + (f" as {_AS[angle]}" if angle in _AS else "")
+def _does(one: CauseAmplitude, name: str) -> str:
+    """Write name, size and extent: 'AC joint moves (ac_translation): 2.1 [1.6, 2.5] mm over the postures, up to 3.0
+    mm, mostly backward as the scapula protracts'."""
+    effect = EFFECTS.get(cause_of(one.effect))
+    plain = (effect.plain_name or effect.what) if effect else one.what
+    start = f"{plain[:1].upper()}{plain[1:]} ({name})"
+    if not math.isfinite(one.size.value):
+        return f"{start}: no gap shows its size"
+    size = f"{start}: {amplitude_text(one)} {'over the postures' if one.basis else 'in every posture'}"
+    if one.extent is None:
+        return f"{size}, with {one.basis.split()[0]}" if one.basis else size
+    largest = f", up to {with_unit(number(one.extent.largest), one.unit)}" if one.basis else ""
+    mostly = _mostly(one.extent.directions, several=len(one.directions) > 1)
+    if not one.basis:
+        return size + (f", {mostly}" if mostly else "")
+    follows = f"as {_AS[one.extent.follows]}" if one.extent.follows in _AS else f"with {one.basis.split()[0]}"
+    return f"{size}{largest}, {mostly} {follows}" if mostly else f"{size}{largest}, {follows}"
+
+
+def _mostly(directions: Mapping[str, float], *, several: bool) -> str:
+    """Name the main directions: 'mostly down and backward'; empty if there is none."""
+    words = []
+    for name, share in directions.items():
+        above, below = _WORDS.get(name, (name, f"-({name})"))
+        if name.startswith("about "):
+            above, below = (word if not words else word.removeprefix("about ") for word in (name, f"about -{name[6:]}"))
+        words.append(below if share < 0.0 else above)
+    if not several:  # one direction has all; said only in words of its own
+        return words[0] if words and set(directions) <= set(_WORDS) else ""
+    return f"mostly {listed(words, 'and')}" if words else ""
 
 
 def _takes(diagnosis: Diagnosis, name: str) -> str:
     """Write the change of the gap, degrees, in this cause's step of the gap budget; empty without such a step."""
     for before, step in zip(diagnosis.budget, diagnosis.budget[1:], strict=False):
         if cause_of(step.step) == name and step.step != ADAPTED_STEP and math.isfinite(step.gap_deg.value):
-            fall = f"{gap_text(before.gap_deg.value)} to {gap_text(step.gap_deg.value)} deg"
-            return f"With it the gap on {held_out_kind_text(diagnosis.gaps)} goes from {fall}."
+            change = change_text(gap_text(before.gap_deg.value), gap_text(step.gap_deg.value))
+            return f"With it the gap on {held_out_kind_text(diagnosis.gaps)} {change}."
     return ""
-
-
-_POSITIONS = "positions of SC and AC in every posture (girdle convert writes them): joints that move show there"
-
-
-_TOLD_APART = 0.95
-"""Probability of telling the right one of two names, from which on more of the same data gain little."""
-
-
-def measure_next(diagnosis: Diagnosis) -> list[str]:
-    """List at most two measurements to make next, the best one first; empty where nothing beyond noise is left."""
-    proposals = _distinct(diagnosis)
-    found = [*diagnosis.lacking, *(_proposal(one, diagnosis.persons) for one in proposals)]
-    asked = not diagnosis.positions.measured_mm and diagnosis.verdict.answer != "none"
-    if asked and not any(one.what.startswith("positions") for one in proposals):
-        found.append(_POSITIONS)
-    return found[:2]
-
-
-def _distinct(diagnosis: Diagnosis) -> list[Proposal]:
-    """Keep the best proposal of each kind: people, motion, landmarks; none for names that are already told apart."""
-    kept: dict[str, Proposal] = {}
-    for one in diagnosis.next_measurement:
-        if one.probabilities[0] < _TOLD_APART:
-            kept.setdefault(one.what.split()[0], one)
-    return list(kept.values())
-
-
-def _proposal(one: Proposal, persons: int) -> str:
-    what = one.what.replace("twice as many persons", f"{2 * persons} persons in place of {persons}")
-    if what.startswith("positions of "):
-        what = what.replace("positions of ", "positions of landmarks in every posture, ", 1) + " (girdle convert)"
-    now, then = (percent_text(p) for p in one.probabilities)
-    apart = f"They are {gap_text(one.apart_deg)} deg apart, and told right in {now} of cases, then in {then}"
-    return f"{what}: tells {one.between[0]} from {one.between[1]}. {apart}"

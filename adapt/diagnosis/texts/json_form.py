@@ -18,6 +18,7 @@ from adapt.diagnosis.result import (
     Positions,
     Step,
 )
+from adapt.diagnosis.texts.measure_next import measure_next
 from adapt.diagnosis.texts.wording import sentence
 
 JsonObject = dict[str, Any]
@@ -57,6 +58,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "indistinguishable": diagnosis.indistinguishable,
             "lacking": diagnosis.lacking,
             "next_measurement": diagnosis.next_measurement,
+            "measure_next": measure_next(diagnosis),
             "noise": diagnosis.noise,
             "positions": _positions(diagnosis.positions),
             "expected": diagnosis.declared_effects,
@@ -102,6 +104,7 @@ def _amplitude(amplitude: CauseAmplitude) -> JsonObject:
         "directions": amplitude.directions,
         "option": amplitude.option,
         "by_subject": amplitude.by_subject,
+        "extent": amplitude.extent,
     }
 
 

@@ -44,18 +44,19 @@ def sentence(diagnosis: Diagnosis) -> str:
         return _without_cause(diagnosis)
     before, with_effect, floor = _levels(diagnosis, "own_bones", "with_effect")
     levels = diagnosis.gaps.hardest
-    shrinks = levels["with_effect"][ALL].value < levels["own_bones"][ALL].value
+    shrinks = levels["with_effect"][ALL].value < levels["own_bones"][ALL].value and before != with_effect
     too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
     names = list(_ever_shorter(diagnosis.verdict, too_large))
-    subjects, change = subjects_text(diagnosis), f"from {before} to {with_effect} deg"
+    subjects, change = subjects_text(diagnosis), change_text(before, with_effect)
     end = f"noise alone leaves {floor}."
     said = []
     if not shrinks and diagnosis.verdict.rests_on_positions and (apart := diagnosis.positions.other_motion):
         after, before = number(apart[WITH_CAUSES]), number(apart[ADAPTED])
         off = f"landmarks of held-out motions are {after} mm off (adapted {before})"
-        said = [f"Positions show {one}: {off}; the gap of {subjects} goes {change}, {end}" for one in names]
+        said = [f"Positions show {one}: {off}; the gap of {subjects} {change}, {end}" for one in names]
     start = f"Beyond {OWN} the gap of {subjects} on {held_out_kind_text(diagnosis.gaps)}"
-    said += [f"{start} {'shrinks' if shrinks else 'goes'} {change} with {one}; {end}" for one in names]
+    change = change.replace("goes from", "shrinks from") if shrinks else change
+    said += [f"{start} {change} with {one}; {end}" for one in names]
     return next((one for one in said if len(one.split()) <= MOST_WORDS), said[-1])
 
 
@@ -63,7 +64,7 @@ def _without_cause(diagnosis: Diagnosis) -> str:
     """Write the sentence of a verdict that names no cause: the change of the gap by own bones."""
     adapted, own, floor = _levels(diagnosis, "adapted", "own_bones")
     held_out, subjects = held_out_kind_text(diagnosis.gaps), subjects_text(diagnosis)
-    end = f"on {held_out} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
+    end = f"on {held_out} {change_text(adapted, own)} with {OWN}; noise alone leaves {floor}."
     if not diagnosis.can_test:
         return f"One motion of one person cannot show a cause: the gap {end}"
     if diagnosis.verdict.answer == NONE:
@@ -93,6 +94,13 @@ def percent_text(value: float) -> str:
 def gap_text(value: float, digits: int = 2) -> str:
     """Write a gap in degrees; '-' where it is unknown."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
+
+
+def change_text(before: str, after: str, unit: str = "deg") -> str:
+    """Write the change of a written number: 'goes from 2.0 to 1.4 deg'; 'stays at 0.7 deg' where no digit differs."""
+    if "-" in (before, after):
+        return "is not known"
+    return f"stays at {after} {unit}" if before == after else f"goes from {before} to {after} {unit}"
 
 
 def interval_text(gap: Interval) -> str:

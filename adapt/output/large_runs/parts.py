@@ -25,6 +25,7 @@ from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.positions_table import NO_POSITIONS, POSITIONS_FILE, with_positions
 from adapt.tables.results import OWN_WORD, STATISTICS, Tables, as_csv, rows_of_subjects, summary_pieces
+from adapt.trust.usable_results import Flat, flat_by_subject
 from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces, make_folder
@@ -77,9 +78,15 @@ class Work:
         )
         content = io.BytesIO()
         arrays = _arrays(result, [model.name for model in self.models])
+        arrays["flat"] = self._flat(result, motions)
         arrays |= self._positions(result, motions)
         np.savez(content, allow_pickle=False, **arrays)
         return content.getvalue()
+
+    def _flat(self, result: Adaptations, motions: Motions) -> np.ndarray:
+        """Return model, subject and flat directions of each adaptation that the report shows."""
+        found = flat_by_subject(list(result.adapted), motions.subjects, result.uncertainty, self.shown)
+        return np.array([(*pair, said) for pair, said in found.items()], dtype=str).reshape(-1, 3)
 
     def _positions(self, result: Adaptations, motions: Motions) -> dict[str, np.ndarray]:
         """Return the positions of landmarks, for the subjects with a measured landmark."""
@@ -132,6 +139,8 @@ class Merged(NamedTuple):
     """Statistics over all subjects, with the rows of the subjects that the report shows."""
     failed: dict[str, str]
     """Failures of all subjects, by subject."""
+    flat: Flat
+    """Flat directions of the adaptations that the report shows."""
 
 
 class Parts:
@@ -204,6 +213,7 @@ class Parts:
             heldout,
             pd.concat(summary, ignore_index=True),
             failed,
+            {(model, subject): said for rows in self._rows(["flat"]) for model, subject, said in rows.tolist()},
         )
 
     def _tables(self, names: Iterable[str]) -> Iterator[pd.DataFrame]:
