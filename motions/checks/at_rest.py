@@ -15,7 +15,6 @@ from motions.checks.motion_table import (
     angles_of,
     copied_rows,
     motions_alike,
-    not_read,
     nothing_of_bone,
     out_of_line,
     stands_still,
@@ -156,7 +155,6 @@ class SubjectDoubts:
 
     def __init__(self) -> None:
         self._seen: set[str] = set()
-        self._columns: set[str] = set()
         self._angles: dict[int | None, str] = {}
         self._more = 0
         self._named = 0
@@ -167,10 +165,6 @@ class SubjectDoubts:
         Angles are unlike a person's with the arm lowest, or change otherwise (another sign, radians, another frame).
         ``files``: the file of each subject.
         """
-        new = [name for name in motions.extra.columns if name not in self._columns]
-        self._columns.update(new)
-        if doubt := not_read(new):
-            warn_input(InputError(next(iter(files.values())), None, *doubt))
         read = replace(motions, extra=motions.extra[[]])  # unchecked extra columns would take a fifth of the time
         for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
             if subject in self._seen:

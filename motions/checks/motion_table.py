@@ -1,13 +1,12 @@
 """Checks of a table of postures by itself: copied cells or rows, radians, postures out of line, rows of totals."""
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from motions.checks.signs import LARGE_MOTION_DEG, LOW_DEG
-from motions.table import ANGLES, BONES, LANDMARKS, Motions
+from motions.table import ANGLES, BONES, Motions
 
 SCAPULA_Z = ANGLES.index("scapula_z")
 
@@ -52,17 +51,6 @@ _TOTALS = frozenset(["mean", "average", "avg", "total", "totals", "sum", "sd", "
 
 _MOST_SAID = 3
 """Maximum number of postures in a message."""
-
-_NEARLY = re.compile(rf"({'|'.join(LANDMARKS)})[ _]?[xyz]([ _]?[(\[]?(mm|cm|m|inch)[)\]]?)?", re.IGNORECASE)
-"""Name of a position column in another form than ``SC_x_mm``."""
-
-
-def not_read(columns: Iterable[str]) -> Doubt | None:
-    """Find columns that are not interpreted and were likely meant as positions."""
-    found = [name for name in columns if _NEARLY.fullmatch(name.strip())]
-    if not found:
-        return None
-    return f"column {', '.join(found)} is not read", "Positions are SC_x_mm, SC_y_mm, SC_z_mm and so on, in mm"
 
 
 def zero_or_radians(mine: Motions) -> Doubt | None:

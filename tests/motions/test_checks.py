@@ -496,12 +496,6 @@ def test_sc_alone_is_the_persons_too(place, said):
     assert said in text
 
 
-def test_columns_that_are_nearly_positions_are_named():
-    extra = pd.DataFrame({"SC_x_m": ["0.02"] * 12, "ts x (cm)": ["1"] * 12, "scapula_y_spread_deg": ["1"] * 12})
-    (text,) = warned(replace(course(), extra=extra))
-    assert "column SC_x_m, ts x (cm) is not read. Positions are SC_x_mm" in text
-
-
 def test_an_angle_that_stands_still_or_a_posture_out_of_line_is_named():
     (text,) = warned(with_angle("clavicle_x", 7.3))
     assert "clavicle_x_deg is the same in every posture while the arm moves. Was a cell copied down?" in text
