@@ -13,6 +13,9 @@ ORIGIN = "IJ"
 """Landmark at the origin of the thorax frame: a file in that frame has it at (0, 0, 0) throughout."""
 
 _OF_THORAX = (ORIGIN, "PX", "C7", "T8", "SC")
+"""Landmarks that hardly move in the thorax frame."""
+
+_THORAX = (ORIGIN, "PX", "C7", "T8", MIDDLE)
 
 COMPANIONS = (
     _OF_THORAX,
@@ -57,9 +60,8 @@ def never_seen(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str,
     """
     in_thorax_frame = ORIGIN in lab_mm and not lab_mm[ORIGIN].any()
     exchanged = any(_goes_mm(lab_mm[name]) > _STILL_MM for name in _OF_THORAX if name in lab_mm)
-    ends = {*_OF_THORAX, MIDDLE}.difference((ORIGIN, "SC")) if in_thorax_frame else {ORIGIN}
     free = {name: place for name, place in lab_mm.items() if not in_thorax_frame or name not in (ORIGIN, "SC")}
-    found = _held_together(free, ends)
+    found = _held_together(free, _THORAX)
     for name, place in lab_mm.items():
         groups = [group for group in COMPANIONS if name in group]
         others = {other for group in (*groups, (ORIGIN,)) for other in group if other != name}
