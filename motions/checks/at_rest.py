@@ -13,6 +13,8 @@ from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
 from motions.checks.motion_table import (
     angles_of,
+    arm_out_of_line,
+    columns_alike,
     copied_rows,
     motions_alike,
     nothing_of_bone,
@@ -20,6 +22,7 @@ from motions.checks.motion_table import (
     stands_still,
     still_arm,
     total_of_others,
+    zero_for_gap,
     zero_or_radians,
 )
 from motions.checks.positions_and_angles import apart_from_angles, in_another_frame, still_places
@@ -132,11 +135,14 @@ def doubt_of_rest(
 
 _OF_TABLE = (
     zero_or_radians,
+    zero_for_gap,
     nothing_of_bone,
     stands_still,
+    columns_alike,
     copied_rows,
     motions_alike,
     out_of_line,
+    arm_out_of_line,
     still_arm,
     total_of_others,
 )

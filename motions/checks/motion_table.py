@@ -1,6 +1,8 @@
 """Checks of a table of postures by itself: copied cells or rows, radians, postures out of line, rows of totals."""
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
+from math import factorial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -46,6 +48,32 @@ BEYOND_ARM_DEG = 25.0
 """Maximum excess, in degrees, of the scapula's lateral rotation over the arm's elevation in a motion. Measured: up to
 13, in horizontal flexion and axial rotation."""
 
+LOW_ARM_DEG, MOST_OF_LOW_ARM_DEG = 20.0, 20.0
+"""Elevation in degrees that the arm never exceeds, and maximum change of lateral rotation with it. With the arm at the
+side, measured scapulae turn by up to 3, and shrugs turn them by some 15. A tenth of the elevation stays below 18."""
+
+ARM_OUT_DEG, LEAST_OF_GIRDLE = 30.0, 0.1
+"""Minimum deviation in degrees of an elevation from the mean of its two neighbours, and minimum share of it by which
+an angle of the girdle then deviates too. In a motion a scapula turns by a third of the arm or more, at its beginning by
+a tenth."""
+
+SMOOTH_DEG = 15.0
+"""Maximum deviation in degrees of all other elevations of the motion; of postures in any order some exceed it."""
+
+NEAR_LOWEST_DEG = 2.0
+"""Height in degrees above the lowest elevation of a motion up to which an angle may be 0 by definition, such as the
+estimated axial rotation of the clavicle."""
+
+_COMMON_SHARE = 0.25
+"""Share of the values of an angle that have no further digits: its number of digits. Random values have a tenth."""
+
+_BESIDE_ZERO_DEG = 2.0
+"""Minimum of the values before and after a 0 in degrees. They have one sign, for the angle not to pass through 0."""
+
+_DIGITS_AWAY, _ROUND_ZERO_DEG, RARE = 10.0, 5.0, 1e-4
+"""Distances from 0 without any other value, in last digits, and with few values, in degrees; and maximum probability of
+the exact zeros of an angle that passes through 0, if its values lie as densely at 0 as about it."""
+
 _TOTALS = frozenset(["mean", "average", "avg", "total", "totals", "sum", "sd", "std", "stdev", "median", "min", "max"])
 """Names, in upper or lower case, of rows that a spreadsheet computes."""
 
@@ -71,6 +99,59 @@ def zero_or_radians(mine: Motions) -> Doubt | None:
     limit = max(_IN_RADIANS[name.removesuffix("_deg")] for name in small)
     cause = f"{' and '.join(small)} never exceeds {limit:.3g} while the arm moves: it looks like radians"
     return cause, "Give degrees"
+
+
+def zero_for_gap(mine: Motions) -> Doubt | None:
+    """Find angles that are exactly 0 in some postures, more often than an angle that passes through 0."""
+    for angle, values in zip(ANGLES, mine.angles_deg.T, strict=True):
+        zeros, others = np.flatnonzero(values == 0.0), np.abs(values[np.isfinite(values) & (values != 0.0)])
+        if len(zeros) < 2 or len(others) < FEWEST_STILL:
+            continue
+        zeros = [row for _, rows in _in_order(mine) for row in _steps_to_zero(mine, rows, angle)]
+        digit, few = _last_digit(others), min(len(zeros), FEWEST_STILL)
+        expected = (np.sum(others <= _ROUND_ZERO_DEG) + 1) * digit / (2.0 * _ROUND_ZERO_DEG)
+        is_rare = few > 1 and expected**few < RARE * factorial(few)
+        if is_rare and digit < 1.0 and others.min() > _DIGITS_AWAY * digit:
+            cause = f"{angle}_deg is exactly 0 in {len(zeros)} postures, first {posture_of(mine, zeros[0])}"
+            return cause, "Empty its cells if it was not measured: 0 counts as measured"
+    return None
+
+
+def _steps_to_zero(mine: Motions, rows: Int[np.ndarray, " rows"], angle: str) -> list[int]:
+    """List the rows of a motion in which an angle is 0, while the values before and after are not about 0.
+
+    The axial rotation of the clavicle may begin at 0, by its definition: neither the first posture counts, nor those
+    with the arm lowest.
+    """
+    elevation, values = mine.humerus_elevation_deg[rows], mine.angles_deg[rows, ANGLES.index(angle)]
+    zeros, others = values == 0.0, np.flatnonzero(values)
+    if angle == "clavicle_x":
+        lowest = np.min(elevation, where=np.isfinite(elevation), initial=np.inf)
+        zeros &= np.logical_not(elevation <= lowest + NEAR_LOWEST_DEG) & (np.arange(len(rows)) > 0)
+    found = []
+    for n in np.flatnonzero(zeros):
+        beside = values[[*others[others < n][-1:], *others[others > n][:1]]]
+        if np.min(np.abs(beside), initial=np.inf) > _BESIDE_ZERO_DEG and len(set(np.sign(beside))) < 2:
+            found.append(int(rows[n]))
+    return found
+
+
+def _last_digit(values: Float[np.ndarray, " n"]) -> float:
+    """Return the unit of the last digit that most values have, at most 1."""
+    for decimals in range(6):
+        if np.mean(np.abs(values - np.round(values, decimals)) <= _ROUNDING) >= _COMMON_SHARE:
+            return 10.0**-decimals
+    return 1e-6
+
+
+def columns_alike(mine: Motions) -> Doubt | None:
+    """Find two angles with the same values to the last digit in every posture."""
+    for (one, values), (other, others) in combinations(zip(ANGLES, mine.angles_deg.T, strict=True), 2):
+        both = np.isfinite(values) & np.isfinite(others)
+        varied = len(np.unique(values[both])) >= FEWEST_STILL and _has_digits(values[both, None], 0).any()
+        if varied and np.array_equal(values[both], others[both]):
+            return f"{one}_deg and {other}_deg are the same in every posture", "Is one column a copy of the other?"
+    return None
 
 
 def stands_still(mine: Motions) -> Doubt | None:
@@ -127,6 +208,30 @@ def out_of_line(mine: Motions) -> Doubt | None:
                 for k in np.flatnonzero((away > most_beside) & (apart < away / 2.0))
             ]
     return (some_of(found), "Look at its sign and digits, or delete the row") if found else None
+
+
+def arm_out_of_line(mine: Motions) -> Doubt | None:
+    """Find elevations far from those of two alike neighbours in a motion, while no angle of the girdle is.
+
+    Without them the elevation changes smoothly: postures in any order are no motion.
+    """
+    found = []
+    for motion, rows in _in_order(mine):
+        table = np.column_stack([mine.humerus_elevation_deg[rows], mine.angles_deg[rows]])
+        before, here, after = table[:-2], table[1:-1], table[2:]
+        away, apart = np.abs(here - (before + after) / 2.0), np.abs(after - before)[:, 0] / 2.0
+        girdle = np.max(away[:, 1:], axis=1, where=np.isfinite(away[:, 1:]), initial=0.0)
+        off = (away[:, 0] > ARM_OUT_DEG) & (apart < away[:, 0] / 2.0) & (girdle < LEAST_OF_GIRDLE * away[:, 0])
+        off &= np.isfinite(away[:, 1:]).any(axis=1)
+        smooth = np.delete(table[:, 0], np.flatnonzero(off) + 1)
+        if len(smooth) < FEWEST_STILL or not (np.abs(np.diff(smooth, 2)) / 2.0 <= SMOOTH_DEG).all():
+            continue
+        found += [
+            f"humerus_elevation_deg is {here[n, 0]:.0f} in posture {mine.posture[rows[n + 1]]} of {motion!r}, "
+            f"{before[n, 0]:.0f} before and {after[n, 0]:.0f} after it, and the girdle does not follow"
+            for n in np.flatnonzero(off)
+        ]
+    return (some_of(found), "Correct it, or empty the cell if it was not measured") if found else None
 
 
 def nothing_of_bone(mine: Motions) -> Doubt | None:
@@ -203,13 +308,20 @@ def angles_of(mine: Motions) -> int | None:
 
 
 def still_arm(mine: Motions) -> Doubt | None:
-    """Find motions in which the scapula turns laterally by far more than the arm rises."""
+    """Find motions in which the scapula turns laterally by far more than the arm rises, or the arm never rises."""
     for motion, rows in _in_order(mine):
         turns, rises = (_range(values[rows]) for values in (mine.angles_deg[:, SCAPULA_Z], mine.humerus_elevation_deg))
         if turns > rises + BEYOND_ARM_DEG:
             cause = f"in {motion!r} scapula_z_deg changes by {turns:.0f} and humerus_elevation_deg by {rises:.0f}"
-            return cause, "Is that the elevation of the arm in degrees? Empty its cells if it was not measured"
+            return cause, _OF_ARM
+    turns, highest = _range(mine.angles_deg[:, SCAPULA_Z]), np.max(mine.humerus_elevation_deg, initial=0.0)
+    if turns > MOST_OF_LOW_ARM_DEG and highest <= LOW_ARM_DEG:  # NaN compares false
+        cause = f"scapula_z_deg changes by {turns:.0f} and humerus_elevation_deg never exceeds {highest:.0f}"
+        return cause, _OF_ARM
     return None
+
+
+_OF_ARM = "Is that the elevation of the arm in degrees? Empty its cells if it was not measured"
 
 
 def total_of_others(mine: Motions) -> Doubt | None:

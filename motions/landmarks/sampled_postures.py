@@ -64,8 +64,8 @@ def is_yes(motions: Motions, column: str) -> Bool[np.ndarray, " postures"]:
 
 def marked_slips(motions: Motions) -> dict[int, str]:
     """Return the landmarks marked as outliers, by row, separated by spaces."""
-    marks = motions.extra.get(SLIPPED, ())
-    by_row = {row: " ".join(landmarks_named(str(cell))) for row, cell in enumerate(marks)}
+    marks = motions.extra[SLIPPED].to_numpy(str) if SLIPPED in motions.extra else ()
+    by_row = {row: " ".join(landmarks_named(cell)) for row, cell in enumerate(marks)}
     return {row: names for row, names in by_row.items() if names}
 
 
