@@ -25,7 +25,13 @@ from motions.checks.motion_table import (
     zero_for_gap,
     zero_or_radians,
 )
-from motions.checks.positions_and_angles import apart_from_angles, in_another_frame, still_places
+from motions.checks.positions_and_angles import (
+    along_clavicle,
+    apart_from_angles,
+    at_origin,
+    in_another_frame,
+    still_places,
+)
 from motions.checks.signs import (
     BACKWARD,
     exchanged,
@@ -148,6 +154,9 @@ _OF_TABLE = (
 )
 """Checks of the postures of one subject; each returns cause and remedy of a doubt, or None."""
 
+_OF_PLACES = (at_origin, still_places, in_another_frame, along_clavicle, apart_from_angles)
+"""Checks of the positions of one subject against the angles; the first doubt counts."""
+
 MOST_NAMED = 10
 """Maximum number of subjects that are warned of by name."""
 
@@ -220,7 +229,7 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
     positions = {name: place.T for name, place in mine.landmarks_mm.items()}
     wrong = misfit(positions)
-    of_places = () if wrong or not positions else (in_another_frame, still_places, apart_from_angles)
+    of_places = () if wrong or not positions else _OF_PLACES
     frame = next(filter(None, (check(mine, positions) for check in of_places)), None)
     backward = None if signs or exchange else protraction_runs_backward(mine)
     doubts = (*(check(mine) for check in _OF_TABLE), turned_in_one_motion(low_and_change), backward, frame)

@@ -107,7 +107,7 @@ def zero_for_gap(mine: Motions) -> Doubt | None:
         zeros, others = np.flatnonzero(values == 0.0), np.abs(values[np.isfinite(values) & (values != 0.0)])
         if len(zeros) < 2 or len(others) < FEWEST_STILL:
             continue
-        zeros = [row for _, rows in _in_order(mine) for row in _steps_to_zero(mine, rows, angle)]
+        zeros = [row for _, rows in in_order(mine) for row in _steps_to_zero(mine, rows, angle)]
         digit, few = _last_digit(others), min(len(zeros), FEWEST_STILL)
         expected = (np.sum(others <= _ROUND_ZERO_DEG) + 1) * digit / (2.0 * _ROUND_ZERO_DEG)
         is_rare = few > 1 and expected**few < RARE * factorial(few)
@@ -184,7 +184,7 @@ def out_of_line(mine: Motions) -> Doubt | None:
     The cause is a wrong sign, digit or marker.
     """
     found = []
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         if len(rows) < 3:  # no posture has two neighbours
             continue
         angles, steps = mine.angles_deg[rows], np.abs(np.diff(mine.humerus_elevation_deg[rows]))
@@ -216,7 +216,7 @@ def arm_out_of_line(mine: Motions) -> Doubt | None:
     Without them the elevation changes smoothly: postures in any order are no motion.
     """
     found = []
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         table = np.column_stack([mine.humerus_elevation_deg[rows], mine.angles_deg[rows]])
         before, here, after = table[:-2], table[1:-1], table[2:]
         away, apart = np.abs(here - (before + after) / 2.0), np.abs(after - before)[:, 0] / 2.0
@@ -256,7 +256,7 @@ def nothing_of_bone(mine: Motions) -> Doubt | None:
 def copied_rows(mine: Motions) -> Doubt | None:
     """Find postures with all angles of the previous one although the arm moved, and motions of one constant posture."""
     found = []
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         angles, elevation = np.nan_to_num(mine.angles_deg[rows], nan=np.inf), mine.humerus_elevation_deg[rows]
         same = (angles[1:] == angles[:-1]).all(axis=1)
         if not same.any():
@@ -293,7 +293,7 @@ _ROUNDING = 1e-9
 def motions_alike(mine: Motions) -> Doubt | None:
     """Find two motions with the same angles to the last digit: if one is held out, the other one predicts it."""
     first: dict[bytes, str] = {}
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         angles = mine.angles_deg[rows]
         if len(rows) < _FEWEST_VALUES or not (angles != angles[0]).any():
             continue
@@ -309,7 +309,7 @@ def angles_of(mine: Motions) -> int | None:
 
 def still_arm(mine: Motions) -> Doubt | None:
     """Find motions in which the scapula turns laterally by far more than the arm rises, or the arm never rises."""
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         turns, rises = (_range(values[rows]) for values in (mine.angles_deg[:, SCAPULA_Z], mine.humerus_elevation_deg))
         if turns > rises + BEYOND_ARM_DEG:
             cause = f"in {motion!r} scapula_z_deg changes by {turns:.0f} and humerus_elevation_deg by {rises:.0f}"
@@ -330,7 +330,7 @@ def total_of_others(mine: Motions) -> Doubt | None:
     return (f"{found[0]!r} reads like a row of totals", "Delete it: it counts as measured") if found else None
 
 
-def _in_order(mine: Motions) -> Iterator[tuple[str, Int[np.ndarray, " rows"]]]:
+def in_order(mine: Motions) -> Iterator[tuple[str, Int[np.ndarray, " rows"]]]:
     """Yield each motion with its rows, in the order of its postures."""
     for motion in dict.fromkeys(mine.motion.tolist()):
         rows = np.flatnonzero(mine.motion == motion)

@@ -105,11 +105,11 @@ def _held(
     Landmarks that stand still together show that the body stands still.
     """
     found = np.zeros(place.shape[1], bool)
-    for first, last in _runs_at_one_place(place):
+    for first, last in runs_at_one_place(place):
         go_mm = [_goes_mm(other[:, first : last + 1]) for other in others]
         found[first : last + 1] = any(mm > 0.0 for mm in go_mm) and all(np.isnan(mm) or mm > MOVED_MM for mm in go_mm)
     for other in others if found.any() else ():
-        for first, last in _runs_at_one_place(other):
+        for first, last in runs_at_one_place(other):
             found[first : last + 1] = False
     return found
 
@@ -123,7 +123,7 @@ def _held_together(positions: Positions, thorax: Collection[str]) -> dict[str, B
     found = {name: np.zeros(place.shape[1], bool) for name, place in positions.items()}
     least_mm = max(MOVED_MM, _STEPS_OF_FILE * _step_mm(positions))
     for place in positions.values():
-        for first, last in _runs_at_one_place(place, FEWEST_TOGETHER):
+        for first, last in runs_at_one_place(place, FEWEST_TOGETHER):
             here = {name: other[:, first : last + 1] for name, other in positions.items()}
             still = [name for name, other in here.items() if (other == other[:, :1]).all()]
             go_mm = {name: _goes_mm(other) for name, other in here.items() if name not in still}
@@ -140,7 +140,7 @@ def _step_mm(positions: Positions) -> float:
     return min((float(one[one > 0.0].min()) for one in steps if (one > 0.0).any()), default=0.0)
 
 
-def _runs_at_one_place(place: Float[np.ndarray, "3 frames"], fewest: int = FEWEST_FRAMES) -> list[tuple[int, int]]:
+def runs_at_one_place(place: Float[np.ndarray, "3 frames"], fewest: int = FEWEST_FRAMES) -> list[tuple[int, int]]:
     """List the first and last frame of each run of at least ``fewest`` with a landmark at exactly one place."""
     same = (place[:, 1:] == place[:, :-1]).all(axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int))).reshape(-1, 2).tolist()

@@ -276,6 +276,20 @@ AGAINST_ANGLES: dict[str, tuple[Change, str]] = {
         lambda table: table.assign(**table[places("TS")].iloc[0]),
         "TS is at one place in every posture while the arm moves",
     ),
+    "a landmark copied down from the fifth posture": (
+        lambda table: table.assign(**table[places("TS")].where(table["posture"] <= 5).ffill()),
+        "TS is at one place in postures 5 to 12 of 'simulated_trial' while the clavicle turns by",
+    ),
+    "zeros for a landmark": (
+        with_row([3, 5], places("SC"), 0.0),
+        "SC is at (0, 0, 0) in 2 postures, first in posture 4 of 'simulated_trial'. IJ is the origin",
+    ),
+    "the acromion under the name of TS": (
+        lambda table: table.drop(columns=[*places("TS"), *places("AI")]).rename(
+            columns=dict(zip(places("AC"), places("TS"), strict=True))
+        ),
+        "TS lies along the clavicle, 0 degrees off it from SC. Is it AC or AA?",
+    ),
 }
 
 
