@@ -515,6 +515,25 @@ def test_motions_whose_names_differ_in_case_alone_raise_a_warning():
     assert said == [f"the motions: {kind.upper()!r} and {kind!r} {asked}" for kind in kinds]
 
 
+@pytest.mark.parametrize(
+    ("one", "other", "shown"),
+    [
+        ("caf\u00e9", "cafe\u0301", r"'cafe\u0301' and 'caf\xe9'"),
+        ("P 1", "P\u00a01", r"'P 1' and 'P\xa01'"),
+        ("P1", "P1\u200b", r"'P1' and 'P1\u200b'"),
+        ("P-1", "P\u20131", r"'P-1' and 'P\u20131'"),
+        ("P-1", "P\u22121", r"'P-1' and 'P\u22121'"),
+    ],
+)
+def test_subjects_whose_names_look_alike_are_named(one, other, shown):
+    motions = simulate_subjects(2, seed=1)
+    first = motions.subject == motions.subjects[0]
+    with pytest.warns(InputWarning) as said:
+        warn_of_alike_motions(replace(motions, subject=np.where(first, one, other)), "it")
+    assert shown in str(said[0].message)
+    assert "count as 2 subjects" in str(said[0].message)
+
+
 def test_subjects_whose_names_differ_in_case_are_named():
     """Their adapted models would have the same file name on a file system that ignores case."""
     motions = simulate_subjects(2, seed=1)
