@@ -1,5 +1,6 @@
 """Comparison of the frames with the arm lowest with people at rest, and warnings about doubtful subjects."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
@@ -12,12 +13,12 @@ from motions.checks.corner import REMEDY as CALL_IT_AA
 from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
 from motions.checks.motion_table import (
-    angles_of,
     arm_out_of_line,
     columns_alike,
     copied_rows,
     motions_alike,
     nothing_of_bone,
+    numbers_of_postures,
     out_of_line,
     stands_still,
     still_arm,
@@ -160,8 +161,11 @@ _OF_PLACES = (at_origin, still_places, in_another_frame, along_clavicle, apart_f
 MOST_NAMED = 10
 """Maximum number of subjects that are warned of by name."""
 
-_MOST_KEPT = 100_000
-"""Maximum number of subjects, some 20 MB, with which later ones are compared: a run has any number of subjects."""
+_MOST_KEPT = 200_000
+"""Maximum number of postures, some 20 MB, with which later ones are compared: a run has any number of subjects."""
+
+_OF_COPY = 0.5
+"""Share of equal postures above which two subjects are copies: measured postures are never equal to 0.01 degree."""
 
 
 class SubjectDoubts:
@@ -170,7 +174,7 @@ class SubjectDoubts:
 
     def __init__(self) -> None:
         self._seen: set[str] = set()
-        self._angles: dict[int | None, str] = {}
+        self._postures: dict[int, str] = {}
         self._more = 0
         self._named = 0
 
@@ -187,19 +191,23 @@ class SubjectDoubts:
             self._seen.add(subject)
             table = read.take(mine)
             warnings = _doubts(table, subject, files[subject])
-            key = angles_of(table)
-            same = self._angles.get(key, subject)
-            if key is not None and len(self._angles) < _MOST_KEPT:
-                self._angles.setdefault(key, subject)
-            if same != subject:
+            if same := self._copied(subject, numbers_of_postures(table)):
                 remedy = "Is one a copy of the other? Two subjects with the same angles count as two people"
-                warnings.append(InputError(files[subject], None, f"{subject} has all angles of {same}", remedy))
+                warnings.append(InputError(files[subject], None, f"{subject} has the angles of {same}", remedy))
             if warnings and self._named >= MOST_NAMED:
                 self._more += 1
             elif warnings:
                 self._named += 1
                 for one in warnings:
                     warn_input(one)
+
+    def _copied(self, subject: str, numbers: list[int]) -> str | None:
+        """Return the earlier subject with most of these postures, and keep them for later subjects."""
+        counts = Counter(self._postures[number] for number in numbers if number in self._postures)
+        if len(self._postures) < _MOST_KEPT:
+            self._postures |= {number: subject for number in numbers if number not in self._postures}
+        same, count = counts.most_common(1)[0] if counts else ("", 0)
+        return same if count > _OF_COPY * len(numbers) else None
 
     def end(self, file: str) -> None:
         """Warn of the number of doubtful subjects that were not named."""

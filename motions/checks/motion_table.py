@@ -302,9 +302,23 @@ def motions_alike(mine: Motions) -> Doubt | None:
     return None
 
 
-def angles_of(mine: Motions) -> int | None:
-    """Return a number that is equal for two subjects with the same angles to the last digit; None for few postures."""
-    return hash(np.ascontiguousarray(mine.angles_deg).tobytes()) if len(mine.posture) >= FEWEST_STILL else None
+_SAMPLE = 8
+"""Number of postures of a subject with which other subjects are compared."""
+
+_MIX = np.array([2654435761, 40503, 2246822519, 3266489917, 668265263, 374761393], np.uint64) * np.uint64(2**31 + 11)
+
+
+def numbers_of_postures(mine: Motions) -> list[int]:
+    """Return a number for each of some postures, which is equal for equal angles to 0.01 degree; none for few postures.
+
+    The smallest numbers are taken: copies in any order, and without some postures, have most of them in common. Angles
+    in whole degrees have one number for all postures together, because single postures of two people may be equal.
+    """
+    if len(mine.posture) < FEWEST_STILL:
+        return []
+    whole = np.round(np.nan_to_num(mine.angles_deg, nan=1000.0) * 100.0).astype(np.int64).view(np.uint64)
+    numbers = np.unique((whole * _MIX).sum(axis=1, dtype=np.uint64))  # sums of large numbers overflow to a remainder
+    return numbers[:_SAMPLE].tolist() if _has_digits(mine.angles_deg, 0).mean() > 0.5 else [hash(numbers.tobytes())]
 
 
 def still_arm(mine: Motions) -> Doubt | None:

@@ -81,6 +81,10 @@ def with_mean(table: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([table, mean])
 
 
+def rounded_copy(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(subject="copy", **table[ANGLE_COLUMNS].round(2))
+
+
 def same_motions(table: pd.DataFrame) -> pd.DataFrame:
     first = table[table["motion"] == "abduction"]
     return pd.concat([first, first.assign(motion="forward_flexion")])
@@ -116,7 +120,19 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a motion twice": (same_motions, "'abduction' and 'forward_flexion' have the same angles"),
     "a subject twice": (
         lambda table: pd.concat([table, table.assign(subject="copy")]),
-        "copy has all angles of simulated01. Is one a copy of the other?",
+        "copy has the angles of simulated01. Is one a copy of the other?",
+    ),
+    "a subject twice, without a posture and in another order": (
+        lambda table: pd.concat([table, table.assign(subject="copy")[1:].sample(frac=1.0, random_state=1)]),
+        "copy has the angles of simulated01",
+    ),
+    "a subject twice, with fewer digits": (
+        lambda table: pd.concat([digits := table.assign(**table[ANGLE_COLUMNS] + 0.001), rounded_copy(digits)]),
+        "copy has the angles of simulated01",
+    ),
+    "a subject twice, in whole degrees": (
+        lambda table: pd.concat([table.round(0), table.assign(subject="copy").round(0)]),
+        "copy has the angles of simulated01",
     ),
     "a row of means": (with_mean, "'Mean' reads like a row of totals"),
     "a first posture off": (
