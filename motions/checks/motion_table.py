@@ -1,7 +1,6 @@
 """Checks of a table of postures by itself: copied cells or rows, radians, postures out of line, rows of totals."""
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 from math import factorial
 
 import numpy as np
@@ -146,11 +145,13 @@ def _last_digit(values: Float[np.ndarray, " n"]) -> float:
 
 def columns_alike(mine: Motions) -> Doubt | None:
     """Find two angles with the same values to the last digit in every posture."""
-    for (one, values), (other, others) in combinations(zip(ANGLES, mine.angles_deg.T, strict=True), 2):
-        both = np.isfinite(values) & np.isfinite(others)
-        varied = len(np.unique(values[both])) >= FEWEST_STILL and _has_digits(values[both, None], 0).any()
-        if varied and np.array_equal(values[both], others[both]):
-            return f"{one}_deg and {other}_deg are the same in every posture", "Is one column a copy of the other?"
+    one, other = mine.angles_deg[:, :, None], mine.angles_deg[:, None, :]
+    same = ((one == other) | np.isnan(one + other)).all(axis=0)
+    for a, b in np.argwhere(np.triu(same, 1)):
+        values = mine.angles_deg[np.isfinite(mine.angles_deg[:, [a, b]]).all(axis=1), a]
+        if len(np.unique(values)) >= FEWEST_STILL and _has_digits(values[:, None], 0).any():
+            cause = f"{ANGLES[a]}_deg and {ANGLES[b]}_deg are the same in every posture"
+            return cause, "Is one column a copy of the other?"
     return None
 
 
@@ -220,6 +221,8 @@ def arm_out_of_line(mine: Motions) -> Doubt | None:
         table = np.column_stack([mine.humerus_elevation_deg[rows], mine.angles_deg[rows]])
         before, here, after = table[:-2], table[1:-1], table[2:]
         away, apart = np.abs(here - (before + after) / 2.0), np.abs(after - before)[:, 0] / 2.0
+        if not (away[:, 0] > ARM_OUT_DEG).any():
+            continue
         girdle = np.max(away[:, 1:], axis=1, where=np.isfinite(away[:, 1:]), initial=0.0)
         off = (away[:, 0] > ARM_OUT_DEG) & (apart < away[:, 0] / 2.0) & (girdle < LEAST_OF_GIRDLE * away[:, 0])
         off &= np.isfinite(away[:, 1:]).any(axis=1)

@@ -125,10 +125,11 @@ def _held_together(positions: Positions, thorax: Collection[str]) -> dict[str, B
     for place in positions.values():
         for first, last in runs_at_one_place(place, FEWEST_TOGETHER):
             here = {name: other[:, first : last + 1] for name, other in positions.items()}
+            if not any(_goes_mm(here[name]) > least_mm for name in thorax if name in here):
+                continue
             still = [name for name, other in here.items() if (other == other[:, :1]).all()]
             go_mm = {name: _goes_mm(other) for name, other in here.items() if name not in still}
-            moves = any(go_mm.get(name, 0.0) > least_mm for name in thorax) and not set(still) & set(thorax)
-            if len(still) > 1 and moves and not any(mm <= least_mm for mm in go_mm.values()):
+            if len(still) > 1 and not set(still) & set(thorax) and not any(mm <= least_mm for mm in go_mm.values()):
                 for name in still:
                     found[name][first : last + 1] = True
     return found
