@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -127,18 +128,31 @@ class Motions:
 def warn_of_alike_motions(motions: Motions, file: str) -> None:
     """Warn of motions or subjects with nearly the same name, which count as different.
 
-    The names differ only in case or leading zeros (a spreadsheet turns 01 into 1). Names of motions may also differ in
-    blanks and underscores. In names of subjects, a blank equals an underscore, but P1_1 and P11 are two subjects.
+    The names differ only in case, leading zeros (a spreadsheet turns 01 into 1) or characters that look alike. Names of
+    motions may also differ in blanks and underscores. In names of subjects, a blank equals an underscore, but P1_1 and
+    P11 are two subjects.
     """
     for column, what, between in ((motions.motion, "kinds of motion", ""), (motions.subject, "subjects", "_")):
         alike: dict[str, list[str]] = {}
         for name in sorted(set(column.tolist())):
-            short = _LEADING_ZEROS.sub("", name.casefold()).replace(" ", between).replace("_", between)
+            short = _LEADING_ZEROS.sub("", _as_it_looks(name).casefold()).replace(" ", between).replace("_", between)
             alike.setdefault(short, []).append(name)
         for names in alike.values():
             if len(names) > 1:
-                cause = f"{' and '.join(map(repr, names))} count as {len(names)} {what}"
+                looks = {_as_it_looks(name) for name in names}
+                written = map(repr if len(looks) == len(names) else ascii, names)  # ascii shows what looks alike
+                cause = f"{' and '.join(written)} count as {len(names)} {what}"
                 warn_input(InputError(file, None, cause, "Give them one name if they are one"))
+
+
+_LOOKS = {"Zs": " ", "Pd": "-", "Cf": ""}
+"""Character that looks like those of a Unicode category: blanks, dashes, and characters without width."""
+
+
+def _as_it_looks(name: str) -> str:
+    """Return a name with composed accents, plain blanks and hyphens, and nothing that has no width."""
+    composed = unicodedata.normalize("NFC", name.replace("\N{MINUS SIGN}", "-"))
+    return "".join(_LOOKS.get(unicodedata.category(c), c) for c in composed).strip()
 
 
 def _landmark(part: Motions, name: str) -> Float[np.ndarray, "postures 3"]:

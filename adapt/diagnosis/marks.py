@@ -16,6 +16,7 @@ from motions.landmarks.sampled_postures import (
     ESTIMATED,
     SCAPULA_ROTATED,
     is_marked,
+    is_yes,
     marked_slips,
 )
 from motions.table import Motions
@@ -28,9 +29,6 @@ _MADE_SO = (
 )
 """Column of the file, pattern of the mark, and the effect that it declares."""
 
-_YES = r"(?i)^\s*(?:yes|y|true|1)\s*$"
-"""Pattern of the ways to write yes. A way that it misses would silently let one error count twice."""
-
 _MOST = 0.5
 """Share of marked postures above which a mark counts for all postures."""
 
@@ -41,13 +39,14 @@ def declared_effects(motions: Motions) -> tuple[str, ...]:
 
 
 def _marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " postures"]:
-    marked = is_marked(motions, column, mark)
-    return marked & np.isfinite(motions.angles_deg[:, CLAVICLE_X]) if column == ESTIMATED else marked
+    if column == ESTIMATED:
+        return is_yes(motions, column) & np.isfinite(motions.angles_deg[:, CLAVICLE_X])
+    return is_marked(motions, column, mark)
 
 
 def angles_are_of_landmarks(motions: Motions) -> bool:
     """Check whether the angles were computed from the same landmarks, so that one error would count twice."""
-    return bool(is_marked(motions, ANGLES_FROM_LANDMARKS, _YES).any())
+    return bool(is_yes(motions, ANGLES_FROM_LANDMARKS).any())
 
 
 def scapula_is_carried(motions: Motions) -> bool:

@@ -1,5 +1,6 @@
 """Comparison of the frames with the arm lowest with people at rest, and warnings about doubtful subjects."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
@@ -12,18 +13,26 @@ from motions.checks.corner import REMEDY as CALL_IT_AA
 from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
 from motions.checks.motion_table import (
-    angles_of,
+    arm_out_of_line,
+    columns_alike,
     copied_rows,
     motions_alike,
-    not_read,
     nothing_of_bone,
+    numbers_of_postures,
     out_of_line,
     stands_still,
     still_arm,
     total_of_others,
+    zero_for_gap,
     zero_or_radians,
 )
-from motions.checks.positions_and_angles import apart_from_angles, in_another_frame, still_places
+from motions.checks.positions_and_angles import (
+    along_clavicle,
+    apart_from_angles,
+    at_origin,
+    in_another_frame,
+    still_places,
+)
 from motions.checks.signs import (
     BACKWARD,
     exchanged,
@@ -133,21 +142,30 @@ def doubt_of_rest(
 
 _OF_TABLE = (
     zero_or_radians,
+    zero_for_gap,
     nothing_of_bone,
     stands_still,
+    columns_alike,
     copied_rows,
     motions_alike,
     out_of_line,
+    arm_out_of_line,
     still_arm,
     total_of_others,
 )
 """Checks of the postures of one subject; each returns cause and remedy of a doubt, or None."""
 
+_OF_PLACES = (at_origin, still_places, in_another_frame, along_clavicle, apart_from_angles)
+"""Checks of the positions of one subject against the angles; the first doubt counts."""
+
 MOST_NAMED = 10
 """Maximum number of subjects that are warned of by name."""
 
-_MOST_KEPT = 100_000
-"""Maximum number of subjects, some 20 MB, with which later ones are compared: a run has any number of subjects."""
+_MOST_KEPT = 200_000
+"""Maximum number of postures, some 20 MB, with which later ones are compared: a run has any number of subjects."""
+
+_OF_COPY = 0.5
+"""Share of equal postures above which two subjects are copies: measured postures are never equal to 0.01 degree."""
 
 
 class SubjectDoubts:
@@ -156,8 +174,7 @@ class SubjectDoubts:
 
     def __init__(self) -> None:
         self._seen: set[str] = set()
-        self._columns: set[str] = set()
-        self._angles: dict[int | None, str] = {}
+        self._postures: dict[int, str] = {}
         self._more = 0
         self._named = 0
 
@@ -167,10 +184,6 @@ class SubjectDoubts:
         Angles are unlike a person's with the arm lowest, or change otherwise (another sign, radians, another frame).
         ``files``: the file of each subject.
         """
-        new = [name for name in motions.extra.columns if name not in self._columns]
-        self._columns.update(new)
-        if doubt := not_read(new):
-            warn_input(InputError(next(iter(files.values())), None, *doubt))
         read = replace(motions, extra=motions.extra[[]])  # unchecked extra columns would take a fifth of the time
         for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
             if subject in self._seen:
@@ -178,19 +191,23 @@ class SubjectDoubts:
             self._seen.add(subject)
             table = read.take(mine)
             warnings = _doubts(table, subject, files[subject])
-            key = angles_of(table)
-            same = self._angles.get(key, subject)
-            if key is not None and len(self._angles) < _MOST_KEPT:
-                self._angles.setdefault(key, subject)
-            if same != subject:
+            if same := self._copied(subject, numbers_of_postures(table)):
                 remedy = "Is one a copy of the other? Two subjects with the same angles count as two people"
-                warnings.append(InputError(files[subject], None, f"{subject} has all angles of {same}", remedy))
+                warnings.append(InputError(files[subject], None, f"{subject} has the angles of {same}", remedy))
             if warnings and self._named >= MOST_NAMED:
                 self._more += 1
             elif warnings:
                 self._named += 1
                 for one in warnings:
                     warn_input(one)
+
+    def _copied(self, subject: str, numbers: list[int]) -> str | None:
+        """Return the earlier subject with most of these postures, and keep them for later subjects."""
+        counts = Counter(self._postures[number] for number in numbers if number in self._postures)
+        if len(self._postures) < _MOST_KEPT:
+            self._postures |= {number: subject for number in numbers if number not in self._postures}
+        same, count = counts.most_common(1)[0] if counts else ("", 0)
+        return same if count > _OF_COPY * len(numbers) else None
 
     def end(self, file: str) -> None:
         """Warn of the number of doubtful subjects that were not named."""
@@ -220,7 +237,7 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
     positions = {name: place.T for name, place in mine.landmarks_mm.items()}
     wrong = misfit(positions)
-    of_places = () if wrong or not positions else (in_another_frame, still_places, apart_from_angles)
+    of_places = () if wrong or not positions else _OF_PLACES
     frame = next(filter(None, (check(mine, positions) for check in of_places)), None)
     backward = None if signs or exchange else protraction_runs_backward(mine)
     doubts = (*(check(mine) for check in _OF_TABLE), turned_in_one_motion(low_and_change), backward, frame)

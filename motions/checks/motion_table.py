@@ -1,13 +1,13 @@
 """Checks of a table of postures by itself: copied cells or rows, radians, postures out of line, rows of totals."""
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from math import factorial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from motions.checks.signs import LARGE_MOTION_DEG, LOW_DEG
-from motions.table import ANGLES, BONES, LANDMARKS, Motions
+from motions.table import ANGLES, BONES, Motions
 
 SCAPULA_Z = ANGLES.index("scapula_z")
 
@@ -47,22 +47,37 @@ BEYOND_ARM_DEG = 25.0
 """Maximum excess, in degrees, of the scapula's lateral rotation over the arm's elevation in a motion. Measured: up to
 13, in horizontal flexion and axial rotation."""
 
+LOW_ARM_DEG, MOST_OF_LOW_ARM_DEG = 20.0, 20.0
+"""Elevation in degrees that the arm never exceeds, and maximum change of lateral rotation with it. With the arm at the
+side, measured scapulae turn by up to 3, and shrugs turn them by some 15. A tenth of the elevation stays below 18."""
+
+ARM_OUT_DEG, LEAST_OF_GIRDLE = 30.0, 0.1
+"""Minimum deviation in degrees of an elevation from the mean of its two neighbours, and minimum share of it by which
+an angle of the girdle then deviates too. In a motion a scapula turns by a third of the arm or more, at its beginning by
+a tenth."""
+
+SMOOTH_DEG = 15.0
+"""Maximum deviation in degrees of all other elevations of the motion; of postures in any order some exceed it."""
+
+NEAR_LOWEST_DEG = 2.0
+"""Height in degrees above the lowest elevation of a motion up to which an angle may be 0 by definition, such as the
+estimated axial rotation of the clavicle."""
+
+_COMMON_SHARE = 0.25
+"""Share of the values of an angle that have no further digits: its number of digits. Random values have a tenth."""
+
+_BESIDE_ZERO_DEG = 2.0
+"""Minimum of the values before and after a 0 in degrees. They have one sign, for the angle not to pass through 0."""
+
+_DIGITS_AWAY, _ROUND_ZERO_DEG, RARE = 10.0, 5.0, 1e-4
+"""Distances from 0 without any other value, in last digits, and with few values, in degrees; and maximum probability of
+the exact zeros of an angle that passes through 0, if its values lie as densely at 0 as about it."""
+
 _TOTALS = frozenset(["mean", "average", "avg", "total", "totals", "sum", "sd", "std", "stdev", "median", "min", "max"])
 """Names, in upper or lower case, of rows that a spreadsheet computes."""
 
 _MOST_SAID = 3
 """Maximum number of postures in a message."""
-
-_NEARLY = re.compile(rf"({'|'.join(LANDMARKS)})[ _]?[xyz]([ _]?[(\[]?(mm|cm|m|inch)[)\]]?)?", re.IGNORECASE)
-"""Name of a position column in another form than ``SC_x_mm``."""
-
-
-def not_read(columns: Iterable[str]) -> Doubt | None:
-    """Find columns that are not interpreted and were likely meant as positions."""
-    found = [name for name in columns if _NEARLY.fullmatch(name.strip())]
-    if not found:
-        return None
-    return f"column {', '.join(found)} is not read", "Positions are SC_x_mm, SC_y_mm, SC_z_mm and so on, in mm"
 
 
 def zero_or_radians(mine: Motions) -> Doubt | None:
@@ -83,6 +98,61 @@ def zero_or_radians(mine: Motions) -> Doubt | None:
     limit = max(_IN_RADIANS[name.removesuffix("_deg")] for name in small)
     cause = f"{' and '.join(small)} never exceeds {limit:.3g} while the arm moves: it looks like radians"
     return cause, "Give degrees"
+
+
+def zero_for_gap(mine: Motions) -> Doubt | None:
+    """Find angles that are exactly 0 in some postures, more often than an angle that passes through 0."""
+    for angle, values in zip(ANGLES, mine.angles_deg.T, strict=True):
+        zeros, others = np.flatnonzero(values == 0.0), np.abs(values[np.isfinite(values) & (values != 0.0)])
+        if len(zeros) < 2 or len(others) < FEWEST_STILL:
+            continue
+        zeros = [row for _, rows in in_order(mine) for row in _steps_to_zero(mine, rows, angle)]
+        digit, few = _last_digit(others), min(len(zeros), FEWEST_STILL)
+        expected = (np.sum(others <= _ROUND_ZERO_DEG) + 1) * digit / (2.0 * _ROUND_ZERO_DEG)
+        is_rare = few > 1 and expected**few < RARE * factorial(few)
+        if is_rare and digit < 1.0 and others.min() > _DIGITS_AWAY * digit:
+            cause = f"{angle}_deg is exactly 0 in {len(zeros)} postures, first {posture_of(mine, zeros[0])}"
+            return cause, "Empty its cells if it was not measured: 0 counts as measured"
+    return None
+
+
+def _steps_to_zero(mine: Motions, rows: Int[np.ndarray, " rows"], angle: str) -> list[int]:
+    """List the rows of a motion in which an angle is 0, while the values before and after are not about 0.
+
+    The axial rotation of the clavicle may begin at 0, by its definition: neither the first posture counts, nor those
+    with the arm lowest.
+    """
+    elevation, values = mine.humerus_elevation_deg[rows], mine.angles_deg[rows, ANGLES.index(angle)]
+    zeros, others = values == 0.0, np.flatnonzero(values)
+    if angle == "clavicle_x":
+        lowest = np.min(elevation, where=np.isfinite(elevation), initial=np.inf)
+        zeros &= np.logical_not(elevation <= lowest + NEAR_LOWEST_DEG) & (np.arange(len(rows)) > 0)
+    found = []
+    for n in np.flatnonzero(zeros):
+        beside = values[[*others[others < n][-1:], *others[others > n][:1]]]
+        if np.min(np.abs(beside), initial=np.inf) > _BESIDE_ZERO_DEG and len(set(np.sign(beside))) < 2:
+            found.append(int(rows[n]))
+    return found
+
+
+def _last_digit(values: Float[np.ndarray, " n"]) -> float:
+    """Return the unit of the last digit that most values have, at most 1."""
+    for decimals in range(6):
+        if np.mean(np.abs(values - np.round(values, decimals)) <= _ROUNDING) >= _COMMON_SHARE:
+            return 10.0**-decimals
+    return 1e-6
+
+
+def columns_alike(mine: Motions) -> Doubt | None:
+    """Find two angles with the same values to the last digit in every posture."""
+    one, other = mine.angles_deg[:, :, None], mine.angles_deg[:, None, :]
+    same = ((one == other) | np.isnan(one + other)).all(axis=0)
+    for a, b in np.argwhere(np.triu(same, 1)):
+        values = mine.angles_deg[np.isfinite(mine.angles_deg[:, [a, b]]).all(axis=1), a]
+        if len(np.unique(values)) >= FEWEST_STILL and _has_digits(values[:, None], 0).any():
+            cause = f"{ANGLES[a]}_deg and {ANGLES[b]}_deg are the same in every posture"
+            return cause, "Is one column a copy of the other?"
+    return None
 
 
 def stands_still(mine: Motions) -> Doubt | None:
@@ -115,7 +185,7 @@ def out_of_line(mine: Motions) -> Doubt | None:
     The cause is a wrong sign, digit or marker.
     """
     found = []
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         if len(rows) < 3:  # no posture has two neighbours
             continue
         angles, steps = mine.angles_deg[rows], np.abs(np.diff(mine.humerus_elevation_deg[rows]))
@@ -141,6 +211,32 @@ def out_of_line(mine: Motions) -> Doubt | None:
     return (some_of(found), "Look at its sign and digits, or delete the row") if found else None
 
 
+def arm_out_of_line(mine: Motions) -> Doubt | None:
+    """Find elevations far from those of two alike neighbours in a motion, while no angle of the girdle is.
+
+    Without them the elevation changes smoothly: postures in any order are no motion.
+    """
+    found = []
+    for motion, rows in in_order(mine):
+        table = np.column_stack([mine.humerus_elevation_deg[rows], mine.angles_deg[rows]])
+        before, here, after = table[:-2], table[1:-1], table[2:]
+        away, apart = np.abs(here - (before + after) / 2.0), np.abs(after - before)[:, 0] / 2.0
+        if not (away[:, 0] > ARM_OUT_DEG).any():
+            continue
+        girdle = np.max(away[:, 1:], axis=1, where=np.isfinite(away[:, 1:]), initial=0.0)
+        off = (away[:, 0] > ARM_OUT_DEG) & (apart < away[:, 0] / 2.0) & (girdle < LEAST_OF_GIRDLE * away[:, 0])
+        off &= np.isfinite(away[:, 1:]).any(axis=1)
+        smooth = np.delete(table[:, 0], np.flatnonzero(off) + 1)
+        if len(smooth) < FEWEST_STILL or not (np.abs(np.diff(smooth, 2)) / 2.0 <= SMOOTH_DEG).all():
+            continue
+        found += [
+            f"humerus_elevation_deg is {here[n, 0]:.0f} in posture {mine.posture[rows[n + 1]]} of {motion!r}, "
+            f"{before[n, 0]:.0f} before and {after[n, 0]:.0f} after it, and the girdle does not follow"
+            for n in np.flatnonzero(off)
+        ]
+    return (some_of(found), "Correct it, or empty the cell if it was not measured") if found else None
+
+
 def nothing_of_bone(mine: Motions) -> Doubt | None:
     """Find postures in which no angle of a bone exceeds pi: zeros, radians, or angles from rest.
 
@@ -163,7 +259,7 @@ def nothing_of_bone(mine: Motions) -> Doubt | None:
 def copied_rows(mine: Motions) -> Doubt | None:
     """Find postures with all angles of the previous one although the arm moved, and motions of one constant posture."""
     found = []
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         angles, elevation = np.nan_to_num(mine.angles_deg[rows], nan=np.inf), mine.humerus_elevation_deg[rows]
         same = (angles[1:] == angles[:-1]).all(axis=1)
         if not same.any():
@@ -200,7 +296,7 @@ _ROUNDING = 1e-9
 def motions_alike(mine: Motions) -> Doubt | None:
     """Find two motions with the same angles to the last digit: if one is held out, the other one predicts it."""
     first: dict[bytes, str] = {}
-    for motion, rows in _in_order(mine):
+    for motion, rows in in_order(mine):
         angles = mine.angles_deg[rows]
         if len(rows) < _FEWEST_VALUES or not (angles != angles[0]).any():
             continue
@@ -209,19 +305,40 @@ def motions_alike(mine: Motions) -> Doubt | None:
     return None
 
 
-def angles_of(mine: Motions) -> int | None:
-    """Return a number that is equal for two subjects with the same angles to the last digit; None for few postures."""
-    return hash(np.ascontiguousarray(mine.angles_deg).tobytes()) if len(mine.posture) >= FEWEST_STILL else None
+_SAMPLE = 8
+"""Number of postures of a subject with which other subjects are compared."""
+
+_MIX = np.array([2654435761, 40503, 2246822519, 3266489917, 668265263, 374761393], np.uint64) * np.uint64(2**31 + 11)
+
+
+def numbers_of_postures(mine: Motions) -> list[int]:
+    """Return a number for each of some postures, which is equal for equal angles to 0.01 degree; none for few postures.
+
+    The smallest numbers are taken: copies in any order, and without some postures, have most of them in common. Angles
+    in whole degrees have one number for all postures together, because single postures of two people may be equal.
+    """
+    if len(mine.posture) < FEWEST_STILL:
+        return []
+    whole = np.round(np.nan_to_num(mine.angles_deg, nan=1000.0) * 100.0).astype(np.int64).view(np.uint64)
+    numbers = np.unique((whole * _MIX).sum(axis=1, dtype=np.uint64))  # sums of large numbers overflow to a remainder
+    return numbers[:_SAMPLE].tolist() if _has_digits(mine.angles_deg, 0).mean() > 0.5 else [hash(numbers.tobytes())]
 
 
 def still_arm(mine: Motions) -> Doubt | None:
-    """Find motions in which the scapula turns laterally by far more than the arm rises."""
-    for motion, rows in _in_order(mine):
+    """Find motions in which the scapula turns laterally by far more than the arm rises, or the arm never rises."""
+    for motion, rows in in_order(mine):
         turns, rises = (_range(values[rows]) for values in (mine.angles_deg[:, SCAPULA_Z], mine.humerus_elevation_deg))
         if turns > rises + BEYOND_ARM_DEG:
             cause = f"in {motion!r} scapula_z_deg changes by {turns:.0f} and humerus_elevation_deg by {rises:.0f}"
-            return cause, "Is that the elevation of the arm in degrees? Empty its cells if it was not measured"
+            return cause, _OF_ARM
+    turns, highest = _range(mine.angles_deg[:, SCAPULA_Z]), np.max(mine.humerus_elevation_deg, initial=0.0)
+    if turns > MOST_OF_LOW_ARM_DEG and highest <= LOW_ARM_DEG:  # NaN compares false
+        cause = f"scapula_z_deg changes by {turns:.0f} and humerus_elevation_deg never exceeds {highest:.0f}"
+        return cause, _OF_ARM
     return None
+
+
+_OF_ARM = "Is that the elevation of the arm in degrees? Empty its cells if it was not measured"
 
 
 def total_of_others(mine: Motions) -> Doubt | None:
@@ -230,7 +347,7 @@ def total_of_others(mine: Motions) -> Doubt | None:
     return (f"{found[0]!r} reads like a row of totals", "Delete it: it counts as measured") if found else None
 
 
-def _in_order(mine: Motions) -> Iterator[tuple[str, Int[np.ndarray, " rows"]]]:
+def in_order(mine: Motions) -> Iterator[tuple[str, Int[np.ndarray, " rows"]]]:
     """Yield each motion with its rows, in the order of its postures."""
     for motion in dict.fromkeys(mine.motion.tolist()):
         rows = np.flatnonzero(mine.motion == motion)

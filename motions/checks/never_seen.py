@@ -1,9 +1,11 @@
 """Detection of markers that were not seen, which software writes at (0, 0, 0), kilometres away or at a fixed place."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
+
+from motions.checks.distances import MIDDLE
 
 Positions = dict[str, Float[np.ndarray, "3 frames"]]
 
@@ -11,6 +13,9 @@ ORIGIN = "IJ"
 """Landmark at the origin of the thorax frame: a file in that frame has it at (0, 0, 0) throughout."""
 
 _OF_THORAX = (ORIGIN, "PX", "C7", "T8", "SC")
+"""Landmarks that hardly move in the thorax frame."""
+
+_THORAX = (ORIGIN, "PX", "C7", "T8", MIDDLE)
 
 COMPANIONS = (
     _OF_THORAX,
@@ -26,6 +31,12 @@ FARTHEST_MM = 16_000.0
 FEWEST_FRAMES = 3
 """Minimum number of successive frames at exactly the same place: two may be equal by rounding."""
 
+FEWEST_TOGETHER = 5
+"""Minimum number of such frames of several landmarks at once: a body at rest may have a few by rounding."""
+
+_STEPS_OF_FILE = 1.5
+"""Minimum movement of all others while several landmarks stand still, in units of the file's last digit: one unit is
+the rounding of a body at rest, which is 10 mm in a file of whole centimetres."""
 
 MOVED_MM = 1.0
 """Minimum distance (mm) that each landmark that moves with a missing one goes while the missing one stands still.
@@ -44,25 +55,37 @@ def never_seen(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str,
     - exactly (0, 0, 0), except for IJ if IJ is there in every frame;
     - beyond ``FARTHEST_MM``;
     - exactly one place while IJ and all landmarks that move with this one go by ``MOVED_MM``. In the thorax frame the
-      thorax stands still and does not count.
+      thorax stands still and does not count;
+    - exactly one place each of several landmarks while IJ and all others go (``_held_together``).
     """
     in_thorax_frame = ORIGIN in lab_mm and not lab_mm[ORIGIN].any()
     exchanged = any(_goes_mm(lab_mm[name]) > _STILL_MM for name in _OF_THORAX if name in lab_mm)
-    found = {}
+    free = {name: place for name, place in lab_mm.items() if not in_thorax_frame or name not in (ORIGIN, "SC")}
+    found = _held_together(free, _THORAX)
     for name, place in lab_mm.items():
         groups = [group for group in COMPANIONS if name in group]
         others = {other for group in (*groups, (ORIGIN,)) for other in group if other != name}
         if in_thorax_frame:
             others = set() if exchanged or name in _OF_THORAX else others.difference(_OF_THORAX)
         moving = [lab_mm[other] for other in sorted(others) if other in lab_mm] if ORIGIN in lab_mm else []
-        found[name] = _unseen(name, place) | _held(place, moving)
+        found[name] = _unseen(name, place) | _held(place, moving) | found.get(name, False)
     return found
 
 
-def never_seen_of_cluster(markers_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str, np.ndarray]:
-    """Find the frames in which each marker of a cluster was not seen, like ``never_seen``: all markers move as one."""
+def never_seen_of_cluster(
+    markers_mm: Mapping[str, Float[np.ndarray, "3 frames"]],
+    others_mm: Mapping[str, Float[np.ndarray, "3 frames"]],
+    thorax: Collection[str],
+) -> dict[str, np.ndarray]:
+    """Find the frames in which each marker of a cluster was not seen, like ``never_seen``: all markers move as one.
+
+    ``others_mm``: all other landmarks and markers of clusters; ``thorax`` names those of the thorax.
+    """
+    held = _held_together({**others_mm, **markers_mm}, thorax)
     return {
-        name: _unseen(name, place) | _held(place, [other for also, other in markers_mm.items() if also != name])
+        name: _unseen(name, place)
+        | _held(place, [other for also, other in markers_mm.items() if also != name])
+        | held[name]
         for name, place in markers_mm.items()
     }
 
@@ -82,20 +105,47 @@ def _held(
     Landmarks that stand still together show that the body stands still.
     """
     found = np.zeros(place.shape[1], bool)
-    for first, last in _runs_at_one_place(place):
+    for first, last in runs_at_one_place(place):
         go_mm = [_goes_mm(other[:, first : last + 1]) for other in others]
         found[first : last + 1] = any(mm > 0.0 for mm in go_mm) and all(np.isnan(mm) or mm > MOVED_MM for mm in go_mm)
     for other in others if found.any() else ():
-        for first, last in _runs_at_one_place(other):
+        for first, last in runs_at_one_place(other):
             found[first : last + 1] = False
     return found
 
 
-def _runs_at_one_place(place: Float[np.ndarray, "3 frames"]) -> list[tuple[int, int]]:
-    """List the first and last frame of each run of at least FEWEST_FRAMES with a landmark at exactly one place."""
+def _held_together(positions: Positions, thorax: Collection[str]) -> dict[str, Bool[np.ndarray, " frames"]]:
+    """Find the frames in which several landmarks or markers stand still while all others go, such as a lost scapula.
+
+    The thorax moves with every breath. While nothing of it was measured, or one of ``thorax`` stands still too, the
+    body is at rest, or the frame is that of the thorax.
+    """
+    found = {name: np.zeros(place.shape[1], bool) for name, place in positions.items()}
+    least_mm = max(MOVED_MM, _STEPS_OF_FILE * _step_mm(positions))
+    for place in positions.values():
+        for first, last in runs_at_one_place(place, FEWEST_TOGETHER):
+            here = {name: other[:, first : last + 1] for name, other in positions.items()}
+            if not any(_goes_mm(here[name]) > least_mm for name in thorax if name in here):
+                continue
+            still = [name for name, other in here.items() if (other == other[:, :1]).all()]
+            go_mm = {name: _goes_mm(other) for name, other in here.items() if name not in still}
+            if len(still) > 1 and not set(still) & set(thorax) and not any(mm <= least_mm for mm in go_mm.values()):
+                for name in still:
+                    found[name][first : last + 1] = True
+    return found
+
+
+def _step_mm(positions: Positions) -> float:
+    """Compute the smallest step of a coordinate between frames, mm: one unit of the last digit in a file of few."""
+    steps = [np.abs(np.diff(place, axis=1)) for place in positions.values()]
+    return min((float(one[one > 0.0].min()) for one in steps if (one > 0.0).any()), default=0.0)
+
+
+def runs_at_one_place(place: Float[np.ndarray, "3 frames"], fewest: int = FEWEST_FRAMES) -> list[tuple[int, int]]:
+    """List the first and last frame of each run of at least ``fewest`` with a landmark at exactly one place."""
     same = (place[:, 1:] == place[:, :-1]).all(axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int))).reshape(-1, 2).tolist()
-    return [(first, last) for first, last in edges if last + 1 - first >= FEWEST_FRAMES]
+    return [(first, last) for first, last in edges if last + 1 - first >= fewest]
 
 
 def _goes_mm(place: Float[np.ndarray, "3 frames"]) -> float:

@@ -5,7 +5,8 @@ from jaxtyping import Float
 
 from motions.checks.distances import RANGES
 from motions.checks.misfits import BEYOND_MM, SC_BEYOND_MM, SHOULDER
-from motions.checks.motion_table import FEWEST_STILL, Doubt, arm_moves, posture_of, some_of
+from motions.checks.motion_table import FEWEST_STILL, Doubt, arm_moves, in_order, posture_of, some_of
+from motions.checks.never_seen import runs_at_one_place
 from motions.checks.rigidity import SCAPULA
 from motions.rotations import rotation_from_cardan
 from motions.table import BONES, Motions
@@ -103,14 +104,55 @@ _MOST_OFF = 8
 """Number of postures among which one may be an outlier."""
 
 
+TURNS_DEG = 5.0
+"""Minimum change in degrees of an angle of the clavicle that moves its end, by 13 mm."""
+
+
 def still_places(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
-    """Find landmarks of the scapula that stay at one place while the arm moves."""
+    """Find landmarks of the scapula that stay at one place while the arm moves, or the clavicle in part of a motion."""
     known = {name: xyz[:, np.isfinite(xyz).all(axis=0)] for name, xyz in places.items() if name in SCAPULA}
     still = [name for name, xyz in known.items() if xyz.shape[1] >= FEWEST_STILL and not np.ptp(xyz, axis=1).any()]
-    if not still or not arm_moves(mine):
-        return None
-    cause = f"{' and '.join(still)} is at one place in every posture while the arm moves"
-    return cause, "Were cells copied down? Empty them if it was not measured"
+    if still and arm_moves(mine):
+        cause = f"{' and '.join(still)} is at one place in every posture while the arm moves"
+        return cause, _COPIED_DOWN
+    found = []
+    for name in known:
+        for motion, rows in in_order(mine):
+            for first, last in runs_at_one_place(places[name][:, rows], FEWEST_STILL):
+                turns = float(np.ptp(mine.angles_deg[rows[first : last + 1], :2], axis=0).max())
+                if turns >= TURNS_DEG:  # NaN compares false
+                    span = f"postures {mine.posture[rows[first]]} to {mine.posture[rows[last]]} of {motion!r}"
+                    found.append(f"{name} is at one place in {span} while the clavicle turns by {turns:.0f}")
+    return (some_of(found), _COPIED_DOWN) if found else None
+
+
+_COPIED_DOWN = "Were cells copied down? Empty them if it was not measured"
+
+
+def at_origin(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
+    """Find landmarks at exactly (0, 0, 0) in some postures, where IJ is and no other landmark."""
+    for name, place in places.items():
+        rows = np.flatnonzero((place == 0.0).all(axis=0))
+        if len(rows):
+            postures = f"{len(rows)} posture{'s' if len(rows) > 1 else ''}"
+            cause = f"{name} is at (0, 0, 0) in {postures}, first {posture_of(mine, rows[0])}"
+            return cause, "IJ is the origin: empty its cells if it was not measured"
+    return None
+
+
+LEAST_OFF_CLAVICLE_DEG = 20.0
+"""Minimum angle in degrees between the clavicle and the line from SC to TS or AI. To AA, at the end of the clavicle, 9
+to 13 were measured; to TS it is 40 or more, and 25 with a long clavicle and a small scapula."""
+
+
+def along_clavicle(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:
+    """Find TS or AI where the acromion is."""
+    axis = _x_axis(*mine.angles_deg.T[:2])
+    for name in ("TS", "AI") if "SC" in places else ():
+        away = _away_deg(places[name] - places["SC"], axis) if name in places else np.nan
+        if away < LEAST_OFF_CLAVICLE_DEG:
+            return f"{name} lies along the clavicle, {away:.0f} degrees off it from SC", "Is it AC or AA?"
+    return None
 
 
 def apart_from_angles(mine: Motions, places: dict[str, Float[np.ndarray, "3 n"]]) -> Doubt | None:

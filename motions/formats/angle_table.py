@@ -13,7 +13,7 @@ from motions.formats.mot import AngleTable
 from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
-from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
+from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_yes, spread_column
 from motions.motion_csv.cells import ELEVATION_REMEDY, LARGEST_ANGLE_DEG
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
@@ -243,7 +243,7 @@ def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
             raise InputError(file, None, f"the name {name!r} has a line break", "Give it a name on one line")
     angles_deg = isb_from_thesis(motions.angles_deg) if isb else motions.angles_deg
     header = {"subject": subject, "motion": motion, SCAPULA_THROUGH: "AC"}
-    if is_marked(motions, ESTIMATED, "yes").any():
+    if is_yes(motions, ESTIMATED).any():
         header[ESTIMATED] = "yes"
     if ORIGIN in motions.extra and len(set(motions.extra[ORIGIN])) == 1:
         header[ORIGIN] = " ".join(str(motions.extra[ORIGIN].iloc[0]).split())

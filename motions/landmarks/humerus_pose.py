@@ -25,10 +25,9 @@ from jaxtyping import Float, Shaped
 from motions.errors import InputError, warn_input
 from motions.landmarks.frames import humerus_angles, humerus_frame
 from motions.motion_csv.cells import LARGEST_ANGLE_DEG, NOT_MEASURED, to_number
+from motions.motion_csv.columns import AXIAL, MOTION_ANGLE, PLANE
 from motions.rotations import DEG
 from motions.table import Motions
-
-PLANE, AXIAL, MOTION_ANGLE = "humerus_plane_deg", "humerus_axial_deg", "motion_angle_deg"
 
 PLANES_DEG = {"scap": 30.0, "abduct": 0.0, "front": 0.0, "flex": 90.0, "sagit": 90.0}
 """Plane of elevation by part of a motion's name. In studies the plane of the scapula is 30 to 40 degrees forward of the

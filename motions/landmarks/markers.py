@@ -16,6 +16,9 @@ from motions.landmarks.mapping import MARKERS, THORAX, UNIT_WORDS, UNITS_MM, Map
 NEEDED = (*THORAX, "TS", "AI")
 """Landmarks without which there is no thorax frame or no scapula frame."""
 
+_OF_ONE_BODY = (THORAX, ("AC", "AA", "TS", "AI"), ("EM", "EL"))
+"""Landmarks of one segment. A prefix may name the segment or the person, so those of one segment have one prefix."""
+
 _MOST_NAMED = 40
 """Maximum number of markers that a message lists."""
 
@@ -46,10 +49,11 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
 
     A marker is found by its name, else without case, else behind a prefix as in ``P01:IJ``, or behind a prefix that all
     needed landmarks have. InputError if a needed landmark is absent, nowhere measured or there twice, if no unit is
-    known, or if distances show that the unit is wrong.
+    known, or if distances show that the unit is wrong. InputWarning if the markers of a segment have two prefixes.
     """
     factor = millimetres(markers, mapping)
     _check_there(markers, mapping)
+    _check_prefixes(markers, mapping)
     found = landmarks_there_mm(markers, mapping, factor)
     for landmark in MARKERS:
         if landmark not in found and (landmark in NEEDED or landmark in mapping.markers):
@@ -106,6 +110,17 @@ def _check_there(markers: Markers, mapping: Mapping) -> None:
         if mapping.clusters:
             remedy += ". Clusters carry them with --static"
         raise InputError(markers.file, None, cause, remedy)
+
+
+def _check_prefixes(markers: Markers, mapping: Mapping) -> None:
+    """Warn if markers of one segment were found behind several prefixes, which may name several people."""
+    found = names_of_landmarks(markers, mapping)
+    for segment in _OF_ONE_BODY:
+        chosen = [found[name] for name in segment if name in found and found[name] != mapping.marker(name)]
+        by_prefix = {name.rpartition(":")[0]: name for name in chosen if ":" in name}
+        if len(by_prefix) > 1:
+            cause = f"markers {' and '.join(map(repr, by_prefix.values()))} are taken for one person"
+            warn_input(InputError(markers.file, None, cause, "Name the right ones in a mapping file (--map)"))
 
 
 def millimetres(markers: Markers, mapping: Mapping) -> float:

@@ -16,30 +16,19 @@ from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_a
 from motions.landmarks.mapping import THORAX
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.stand_ins import GlenohumeralOffset, SternoclavicularOffset
-from motions.motion_csv.cells import Side
-from motions.motion_csv.columns import SIDE_MEASURED
+from motions.motion_csv.cells import Side, landmarks_named, says_yes
+from motions.motion_csv.columns import (
+    ANGLES_FROM_LANDMARKS,
+    CLAVICLE_PLACED,
+    ESTIMATE_ZERO,
+    ESTIMATED,
+    SCAPULA_ROTATED,
+    SIDE_MEASURED,
+    SLIPPED,
+)
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
-ESTIMATED = "clavicle_x_estimated"
-"""Extra column: ``yes`` where the clavicle's axial rotation is an estimate and not measured."""
-
-ESTIMATE_ZERO = "clavicle_x_zero_at_deg"
-"""Extra column: elevation at which this estimate is 0; empty where the humerus was not measured."""
-
-SCAPULA_ROTATED = "scapula_frame"
-"""Extra column: name of the mean rotation that converted the scapula frame through AA to the frame through AC."""
-
 _LOOK_FOR_GAPS = "Look for gaps in IJ, PX, C7, T8, AC, TS and AI"
-
-CLAVICLE_PLACED = "clavicle_from"
-"""Extra column: description of how SC or AC was estimated, where it is an estimated landmark."""
-
-SLIPPED = "slipped"
-"""Extra column: landmark outliers of the posture."""
-
-ANGLES_FROM_LANDMARKS = "angles_from_landmarks"
-"""Extra column: ``yes`` where the angles were computed from the landmarks whose positions are in the same row, so that
-both have the same errors."""
 
 THORAX_COLUMNS = ("thorax_x_deg", "thorax_y_deg", "thorax_z_deg")
 """Extra columns: backward tilt, torsion and lateral flexion of the thorax in the global frame (Appendix A), if the file
@@ -66,10 +55,18 @@ def is_marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " po
     return motions.extra[column].str.contains(mark).to_numpy(bool)
 
 
+def is_yes(motions: Motions, column: str) -> Bool[np.ndarray, " postures"]:
+    """Find the postures in which an extra column says yes; none without this column."""
+    if column not in motions.extra:
+        return np.zeros(len(motions.posture), bool)
+    return np.array([says_yes(str(cell)) is True for cell in motions.extra[column]], bool)
+
+
 def marked_slips(motions: Motions) -> dict[int, str]:
     """Return the landmarks marked as outliers, by row, separated by spaces."""
     marks = motions.extra[SLIPPED].to_numpy(str) if SLIPPED in motions.extra else ()
-    return {row: names for row, names in enumerate(marks) if names}
+    by_row = {row: " ".join(landmarks_named(cell)) for row, cell in enumerate(marks)}
+    return {row: names for row, names in by_row.items() if names}
 
 
 def measured_places_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 postures"]]:

@@ -1,10 +1,12 @@
 """Conversion of a cell of text to a name, a whole number, a measured value or a side; InputError for a bad cell."""
 
 import math
+import re
 from typing import Literal
 
-from motions.motion_csv.columns import SIDE
+from motions.motion_csv.columns import ANGLES_FROM_LANDMARKS, ESTIMATED, SIDE, SLIPPED
 from motions.motion_csv.rows import Row
+from motions.table import LANDMARKS
 
 Side = Literal["left", "right"]
 
@@ -21,6 +23,13 @@ _MINUS = "\u2212"
 
 SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
 """Side of the shoulder for each word that a file may use."""
+
+_YES = frozenset(["yes", "y", "true", "1", "1.0"])
+_NO = NOT_MEASURED | frozenset(["no", "n", "false", "0", "0.0"])
+"""Texts of a cell, in any case, that say yes or no: words, and the truth values of programs."""
+
+_NAMED = frozenset((*LANDMARKS, "IJ", "PX", "C7", "T8"))
+"""Landmarks that may have slipped."""
 
 LARGEST_ANGLE_DEG = 180.0
 """Maximum absolute angle in degrees: an angle is a rotation by at most half a turn."""
@@ -105,6 +114,29 @@ def side_in(row: Row) -> Side:
     if text.lower() not in SIDES:
         raise row.error(f"{SIDE} is {_quoted(text)}", "Write left or right")
     return SIDES[text.lower()]
+
+
+def says_yes(text: str) -> bool | None:
+    """Read yes or no, or nothing, which is no; None for any other text."""
+    word = text.strip().lower()
+    return True if word in _YES else False if word in _NO else None
+
+
+def landmarks_named(text: str) -> tuple[str, ...]:
+    """Read names of landmarks, separated by blanks, commas or semicolons; none if the text says no."""
+    return () if says_yes(text) is False else tuple(filter(None, re.split(r"[\s,;]+", text.upper())))
+
+
+def check_marks(row: Row) -> None:
+    """Raise InputError if a cell that says yes or no, or names landmarks that slipped, has another word."""
+    for column in (ESTIMATED, ANGLES_FROM_LANDMARKS):
+        text = row.cells.get(column, "")
+        if says_yes(text) is None:
+            raise row.error(f"{column} is {_quoted(text)}", "Write yes or no")
+    text = row.cells.get(SLIPPED, "")
+    if not _NAMED.issuperset(landmarks_named(text)):
+        remedy = "Name the landmarks that slipped, such as AC TS, or empty the cell"
+        raise row.error(f"{SLIPPED} is {_quoted(text)}, no landmark", remedy)
 
 
 def _quoted(text: str, longest: int = 40) -> str:

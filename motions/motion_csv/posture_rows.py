@@ -6,7 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.motion_csv.cells import Side, angle_in, elevation_in, measured_in, name_in, side_in, whole_number_in
+from motions.motion_csv.cells import (
+    Side,
+    angle_in,
+    check_marks,
+    elevation_in,
+    measured_in,
+    name_in,
+    side_in,
+    whole_number_in,
+)
 from motions.motion_csv.columns import ANGLE_COLUMNS, KNOWN, SIDE, SIDE_MEASURED, landmark_columns
 from motions.motion_csv.rows import Row
 from motions.table import FEWEST_ANGLES, LANDMARKS
@@ -47,6 +56,7 @@ class Posture:
 
 def posture_from_row(row: Row) -> Posture:
     """Read the posture in one row. Raise InputError if a cell cannot be read or too few angles were measured."""
+    check_marks(row)
     side = side_in(row)
     left = side == "left"
     angles_deg = _angles_deg(row)

@@ -1,11 +1,12 @@
 """Reading of motion files into one table of postures; subjects and files with errors are left out and named."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from motions.checks.at_rest import SubjectDoubts
-from motions.errors import InputError
+from motions.errors import InputError, warn_input
+from motions.motion_csv.columns import not_read
 from motions.motion_csv.packed import PackedRow, PostureColumns, packed
 from motions.motion_csv.posture_rows import Posture, posture_from_row
 from motions.motion_csv.rows import Row, iterate_rows
@@ -39,6 +40,7 @@ class MotionStream:
             _check_existence(path)
         self.rejected: list[InputError] = []
         self._doubts = SubjectDoubts()
+        self._columns: set[str] = set()
         self._usable: list[Path] = []
         self._last: dict[str, int] = {}  # place of the last row of each subject
         self._once: dict[Path, list[PackedRow]] = {}  # rows of pipes, which can be read only once
@@ -68,6 +70,13 @@ class MotionStream:
     def _rows_of(self, path: Path) -> Iterable[Row]:
         return (row.unpacked() for row in self._once[path]) if path in self._once else iterate_rows(path)
 
+    def _warn_of_columns(self, table: Motions, files: Mapping[str, str]) -> None:
+        """Warn once of each column that is not read although it was likely meant to be."""
+        new = [name for name in table.extra.columns if name not in self._columns]
+        self._columns.update(new)
+        for doubt in not_read(new):
+            warn_input(InputError(next(iter(files.values())), None, *doubt))
+
     def in_chunks(self, subjects: int | None) -> Iterator[Motions]:
         """Yield the motions of ``subjects`` subjects at a time (None: of all), as soon as their last rows are read."""
         waiting: dict[str, list[tuple[int, PackedRow]]] = {}
@@ -83,6 +92,7 @@ class MotionStream:
                 if len(chunk.columns):
                     found = True
                     table = chunk.columns.table([*named, *rejected])
+                    self._warn_of_columns(table, chunk.files)
                     self._doubts.look_at(table, chunk.files)
                     yield table
                 chunk, named = _Chunk(), ()

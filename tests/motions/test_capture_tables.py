@@ -11,7 +11,7 @@ from motions.errors import InputWarning, listed
 from motions.formats.any_file import read_any
 from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.marker_files.trc import read_trc
-from motions.landmarks.mapping import Mapping
+from motions.landmarks.mapping import THORAX, Mapping
 from motions.landmarks.markers import landmarks_mm
 from motions.landmarks.sampled_postures import Labels
 
@@ -378,6 +378,18 @@ def test_a_name_of_the_mapping_matches_too(trial, lab, tmp_path):
     path = written(tmp_path, text(landmarks(renamed)))
     assert_same(path, trial, Mapping(markers={"IJ": "strn"}))
     assert_same(path, trial, Mapping(markers={"IJ": "2*strn - STRN"}))
+
+
+def test_markers_of_one_segment_with_two_prefixes_are_named(trial, lab, tmp_path):
+    """A prefix may name the person, or the segment; a mapping with the whole names settles it."""
+    whose = {name: "P02" if name == "AI" else "P01" for name in lab}
+    path = written(tmp_path, text(landmarks({f"{whose[name]}:{name}": xyz for name, xyz in lab.items()})))
+    with pytest.warns(InputWarning, match="P01:TS. and .P02:AI. are taken for one person. Name the right ones in a"):
+        read_any(path, Mapping(), LABELS)
+    assert_same(path, trial, Mapping(markers={"AI": "P02:AI"}))
+    segment = {name: "thorax" if name in THORAX else "arm" for name in lab}
+    by_segment = {f"{segment[name]}:{name}": xyz for name, xyz in lab.items()}
+    assert_same(written(tmp_path, text(landmarks(by_segment))), trial)
 
 
 def test_an_exact_name_wins_and_two_that_match_are_asked_about(lab, tmp_path):

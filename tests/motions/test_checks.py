@@ -116,6 +116,31 @@ def test_a_landmark_that_stands_still_while_its_bone_moves_is_a_gap(lab):
         sound_landmarks(changed(lab, "AI", ALL, lab["AI"][:, :1]), "P, m", "t.trc")
 
 
+@pytest.mark.parametrize("frame", ["laboratory", "thorax"])
+@pytest.mark.parametrize("lost", [("AC", "TS", "AI"), ("SC", "AC", "TS", "AI", "GH"), ("EM", "EL"), ("TS", "AI")])
+def test_landmarks_that_stand_still_together_while_the_thorax_moves_are_gaps(lab, lost, frame):
+    """A lost cluster holds its last place, and with it all landmarks that it carries."""
+    lab = {name: xyz - lab["IJ"] for name, xyz in lab.items()} if frame == "thorax" else lab
+    held = dict(lab)
+    for name in lost:
+        held = changed(held, name, slice(30, 60), held[name][:, 29:30])
+    if frame == "thorax":  # SC may be placed from IJ there
+        lost = tuple(name for name in lost if name != "SC")
+    found = {name: np.flatnonzero(unseen).tolist() for name, unseen in never_seen(held).items() if unseen.any()}
+    assert found == {name: list(range(29, 60)) for name in lost}
+    with_thorax = never_seen(changed(held, "IJ", slice(30, 60), held["IJ"][:, 29:30]))  # the body stands still
+    if frame == "laboratory":
+        assert not any(with_thorax[name].any() for name in lost)
+
+
+def test_positions_in_whole_centimetres_are_no_gaps_at_rest():
+    """Some landmarks then step by 10 mm while others show nothing."""
+    moving = ("IJ", "PX", "C7", "T8", "SC", "GH", "EM")
+    flicker = {name: np.full((3, 20), 90.0 * k + 20.0) + 10.0 * (np.arange(20) % 2) for k, name in enumerate(moving)}
+    still = {name: np.full((3, 20), 950.0 + 100.0 * k) for k, name in enumerate(("AC", "TS", "AI"))}
+    assert not any(unseen.any() for unseen in never_seen(flicker | still).values())
+
+
 def test_the_origin_and_a_body_at_rest_are_no_gaps():
     thorax = simulated_trial(np.linspace(0.0, 120.0, 30)).thorax_mm  # IJ is (0, 0, 0), the thorax is at rest
     assert not any(unseen.any() for unseen in never_seen(thorax).values())
@@ -469,12 +494,6 @@ def test_positions_of_a_motion_file_in_another_frame_are_named(frame, said):
 def test_sc_alone_is_the_persons_too(place, said):
     (text,) = warned(replace(course(), landmarks_mm={"SC": np.tile(place, (12, 1))}))
     assert said in text
-
-
-def test_columns_that_are_nearly_positions_are_named():
-    extra = pd.DataFrame({"SC_x_m": ["0.02"] * 12, "ts x (cm)": ["1"] * 12, "scapula_y_spread_deg": ["1"] * 12})
-    (text,) = warned(replace(course(), extra=extra))
-    assert "column SC_x_m, ts x (cm) is not read. Positions are SC_x_mm" in text
 
 
 def test_an_angle_that_stands_still_or_a_posture_out_of_line_is_named():

@@ -382,6 +382,19 @@ def test_a_marker_of_a_cluster_that_was_never_seen_is_a_gap(tmp_path, value):
     assert worst(motions, trial) < EXACT
 
 
+def test_a_cluster_that_stands_still_while_the_thorax_moves_is_a_gap(tmp_path):
+    trial, lab = with_clusters(ELEVATIONS)
+    lab = {name: place + 30.0 * np.sin(np.arange(len(ELEVATIONS)) / 9.0) for name, place in lab.items()}
+    for name in CLUSTERS["scapula"]:
+        lab[name][:, 20:30] = lab[name][:, 20:21]
+    calibration = read_calibration([static(tmp_path, REST)], MAPPING, LABELS)
+    with pytest.warns(InputWarning) as said:
+        motions = read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration)
+    assert sum("of cluster scapula is at" in str(one.message) for one in said) == len(CLUSTERS["scapula"])
+    assert len(motions.posture) == len(ELEVATIONS) - 10
+    assert worst(motions, trial) < EXACT
+
+
 def test_skin_that_lags_is_no_slip_of_a_landmark(tmp_path):
     """With one static posture the skin changes the distance from SC to AC: there is no message about SC."""
     _, lab = with_clusters(ELEVATIONS, lag=True)

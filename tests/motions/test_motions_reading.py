@@ -13,8 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adapt.diagnosis.marks import declared_effects
 from motions import InputError, Motions, read_motions
 from motions.errors import InputWarning
+from motions.landmarks.sampled_postures import is_yes, marked_slips
+from motions.motion_csv.columns import ANGLES_FROM_LANDMARKS, ESTIMATED, SLIPPED
 from motions.rhythm_subjects import simulate_subjects
 from motions.table import warn_of_alike_motions
 
@@ -455,6 +458,51 @@ def test_a_pipe_is_read_as_the_file_would_be(tmp_path):
     np.testing.assert_array_equal(motions.angles_deg, expected.angles_deg)
 
 
+def with_column(folder: Path, column: str, *cells: str) -> Motions:
+    """Read a person at rest with an extra column of these cells."""
+    rows = [f'P1,rest,{k},10,-30.{k},12,7,32,11.{k},-10,"{cell}"' for k, cell in enumerate(cells)]
+    return read_motions(written(folder, table(*rows, header=f"{HEADER},{column}")))
+
+
+@pytest.mark.parametrize(
+    ("column", "cell", "cause", "remedy"),
+    [
+        (ESTIMATED, "oui", "clavicle_x_estimated is 'oui'", "Write yes or no"),
+        (ANGLES_FROM_LANDMARKS, "x", "angles_from_landmarks is 'x'", "Write yes or no"),
+        (SLIPPED, "yes", "slipped is 'yes', no landmark", "such as AC TS, or empty the cell"),
+    ],
+)
+def test_a_mark_of_another_word_is_refused_in_its_row(tmp_path, column, cell, cause, remedy):
+    with pytest.raises(InputError) as caught:
+        with_column(tmp_path, column, "", cell)
+    assert caught.value.row == 3
+    assert cause in caught.value.cause
+    assert remedy in caught.value.remedy
+
+
+def test_yes_and_no_are_read_alike_in_every_column(tmp_path):
+    """A spreadsheet writes TRUE, pandas False and 1.0, a person Yes."""
+    for column in (ESTIMATED, ANGLES_FROM_LANDMARKS):
+        said = with_column(tmp_path, column, "yes", "Yes", "TRUE", "1", "1.0", "no", "False", "0", "", "nan")
+        assert is_yes(said, column).tolist() == [True] * 5 + [False] * 5
+    assert declared_effects(with_column(tmp_path, ESTIMATED, "True", "Yes", "1")) == ("clavicle_axial_estimate",)
+
+
+def test_landmarks_that_slipped_are_read_with_any_separator_and_no_is_none(tmp_path):
+    named = with_column(tmp_path, SLIPPED, "AC TS", "ac,ts", "AC; TS", "no", "0", "False", "")
+    assert marked_slips(named) == dict.fromkeys(range(3), "AC TS")
+
+
+def test_columns_that_were_likely_meant_as_others_are_named(tmp_path):
+    header = f"{HEADER},SC_x_m,ts x (cm),scapula_y_spread_deg,Slipped,Side,SIDE_NOTE"
+    with pytest.warns(InputWarning) as said:
+        read_motions(written(tmp_path, table(ROW + ",0.02,1,1,AC,left,x", header=header)))
+    assert [str(one.message).split(": ", 1)[1] for one in said] == [
+        "column SC_x_m, ts x (cm) is not read. Positions are SC_x_mm, SC_y_mm, SC_z_mm and so on, in mm.",
+        "column Slipped, Side is not read. Write slipped, side in small letters.",
+    ]
+
+
 def test_motions_whose_names_differ_in_case_alone_raise_a_warning():
     motions = simulate_subjects(1, seed=1)
     kinds = sorted(set(motions.motion.tolist()))
@@ -465,6 +513,25 @@ def test_motions_whose_names_differ_in_case_alone_raise_a_warning():
     said = [str(one.message) for one in found]
     asked = "count as 2 kinds of motion. Give them one name if they are one."
     assert said == [f"the motions: {kind.upper()!r} and {kind!r} {asked}" for kind in kinds]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "shown"),
+    [
+        ("caf\u00e9", "cafe\u0301", r"'cafe\u0301' and 'caf\xe9'"),
+        ("P 1", "P\u00a01", r"'P 1' and 'P\xa01'"),
+        ("P1", "P1\u200b", r"'P1' and 'P1\u200b'"),
+        ("P-1", "P\u20131", r"'P-1' and 'P\u20131'"),
+        ("P-1", "P\u22121", r"'P-1' and 'P\u22121'"),
+    ],
+)
+def test_subjects_whose_names_look_alike_are_named(one, other, shown):
+    motions = simulate_subjects(2, seed=1)
+    first = motions.subject == motions.subjects[0]
+    with pytest.warns(InputWarning) as said:
+        warn_of_alike_motions(replace(motions, subject=np.where(first, one, other)), "it")
+    assert shown in str(said[0].message)
+    assert "count as 2 subjects" in str(said[0].message)
 
 
 def test_subjects_whose_names_differ_in_case_are_named():

@@ -55,7 +55,7 @@ def in_second(change: Callable[[pd.DataFrame], object], columns: list[str]) -> C
     return changed
 
 
-def with_row(row: int, columns: list[str], values: object) -> Change:
+def with_row(row: int | list[int], columns: list[str], values: object) -> Change:
     """Put other values into a row."""
 
     def changed(table: pd.DataFrame) -> pd.DataFrame:
@@ -79,6 +79,10 @@ def held(table: pd.DataFrame) -> pd.DataFrame:
 def with_mean(table: pd.DataFrame) -> pd.DataFrame:
     mean = table[:1].assign(subject="Mean", **table[ANGLE_COLUMNS].mean())
     return pd.concat([table, mean])
+
+
+def rounded_copy(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(subject="copy", **table[ANGLE_COLUMNS].round(2))
 
 
 def same_motions(table: pd.DataFrame) -> pd.DataFrame:
@@ -116,7 +120,19 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a motion twice": (same_motions, "'abduction' and 'forward_flexion' have the same angles"),
     "a subject twice": (
         lambda table: pd.concat([table, table.assign(subject="copy")]),
-        "copy has all angles of simulated01. Is one a copy of the other?",
+        "copy has the angles of simulated01. Is one a copy of the other?",
+    ),
+    "a subject twice, without a posture and in another order": (
+        lambda table: pd.concat([table, table.assign(subject="copy")[1:].sample(frac=1.0, random_state=1)]),
+        "copy has the angles of simulated01",
+    ),
+    "a subject twice, with fewer digits": (
+        lambda table: pd.concat([digits := table.assign(**table[ANGLE_COLUMNS] + 0.001), rounded_copy(digits)]),
+        "copy has the angles of simulated01",
+    ),
+    "a subject twice, in whole degrees": (
+        lambda table: pd.concat([table.round(0), table.assign(subject="copy").round(0)]),
+        "copy has the angles of simulated01",
     ),
     "a row of means": (with_mean, "'Mean' reads like a row of totals"),
     "a first posture off": (
@@ -126,6 +142,28 @@ WRONG: dict[str, tuple[Change, str]] = {
     "a number of the posture for the elevation": (
         lambda table: table.assign(humerus_elevation_deg=table["posture"]),
         "in 'abduction' scapula_z_deg changes by 60 and humerus_elevation_deg by 6",
+    ),
+    "a tenth of the elevation": (
+        lambda table: table.assign(
+            humerus_elevation_deg=table["humerus_elevation_deg"] / 10.0, scapula_z_deg=table["scapula_z_deg"] / 2.0
+        ),
+        "scapula_z_deg changes by 32 and humerus_elevation_deg never exceeds 15. Is that the elevation",
+    ),
+    "a code for an elevation": (
+        with_row(9, ["humerus_elevation_deg"], 180.0),
+        "humerus_elevation_deg is 180 in posture 3 of 'forward_flexion', 25 before and 75 after it, and the girdle",
+    ),
+    "zeros for an angle": (
+        with_row([1, 9, 10], ["clavicle_z_deg"], 0.0),
+        "clavicle_z_deg is exactly 0 in 3 postures, first in posture 2 of 'abduction'. Empty its cells",
+    ),
+    "an axial rotation of zeros in a motion": (
+        in_second(lambda part: 0.0 * part, ["clavicle_x_deg"]),
+        "clavicle_x_deg is exactly 0 in 6 postures, first in posture 2 of 'forward_flexion'",
+    ),
+    "a column copied": (
+        lambda table: table.assign(scapula_x_deg=table["clavicle_z_deg"]),
+        "clavicle_z_deg and scapula_x_deg are the same in every posture. Is one column a copy of the other?",
     ),
     "elevations of both bones exchanged": (
         exchanged("clavicle_z_deg", "scapula_z_deg"),
@@ -139,6 +177,24 @@ def test_a_wrong_table_is_named(tmp_path, name):
     change, said = WRONG[name]
     assert said in said_of(change(shipped()), tmp_path)
     assert not said_of(shipped(), tmp_path)
+
+
+def test_an_angle_may_pass_through_zero_and_begin_there(tmp_path):
+    """Rounded to 0.1 degree a slow angle is exactly 0 in some frames; an axial rotation begins at 0 in each motion."""
+    slow = dense().assign(scapula_x_deg=np.round(np.sin(np.arange(19) / 2.0) * 3.0, 1))
+    slow.loc[[0, 6, 7, 13], "scapula_x_deg"] = 0.0
+    assert not said_of(slow, tmp_path)
+    both = pd.concat([slow, slow.assign(motion="scaption", clavicle_y_deg=slow["clavicle_y_deg"] + 0.3)])
+    begins = both.assign(clavicle_x_deg=both["clavicle_x_deg"].where(both["posture"] > 1, 0.0))
+    assert not said_of(begins, tmp_path)
+
+
+def test_postures_in_any_order_have_no_elevation_out_of_line(tmp_path):
+    """The girdle of a person who moves it little does not follow by more than noise."""
+    table = dense()
+    table[ANGLE_COLUMNS] = table[ANGLE_COLUMNS].iloc[4] + 0.05 * (table[ANGLE_COLUMNS] - table[ANGLE_COLUMNS].iloc[4])
+    table["posture"] = np.random.default_rng(0).permutation(19) + 1
+    assert "humerus_elevation_deg" not in said_of(table, tmp_path)
 
 
 def test_a_posture_between_near_neighbours_is_out_of_line_by_less(tmp_path):
@@ -235,6 +291,20 @@ AGAINST_ANGLES: dict[str, tuple[Change, str]] = {
     "a landmark copied down": (
         lambda table: table.assign(**table[places("TS")].iloc[0]),
         "TS is at one place in every posture while the arm moves",
+    ),
+    "a landmark copied down from the fifth posture": (
+        lambda table: table.assign(**table[places("TS")].where(table["posture"] <= 5).ffill()),
+        "TS is at one place in postures 5 to 12 of 'simulated_trial' while the clavicle turns by",
+    ),
+    "zeros for a landmark": (
+        with_row([3, 5], places("SC"), 0.0),
+        "SC is at (0, 0, 0) in 2 postures, first in posture 4 of 'simulated_trial'. IJ is the origin",
+    ),
+    "the acromion under the name of TS": (
+        lambda table: table.drop(columns=[*places("TS"), *places("AI")]).rename(
+            columns=dict(zip(places("AC"), places("TS"), strict=True))
+        ),
+        "TS lies along the clavicle, 0 degrees off it from SC. Is it AC or AA?",
     ),
 }
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from adapt.trust.questions.rhythm_prediction import (
-    PLANE_COLUMN,
+    PLANE_OF_ELEVATION,
     planes_of_elevation_deg,
     predict_from_lowest,
 )
@@ -70,7 +70,7 @@ def test_the_plane_is_read_or_mapped_and_unknown_is_not_predicted():
         [30.0, 50.0, 60.0, 90.0, 70.0, 80.0, 90.0],
         np.zeros((7, 6)),
         motion_angle_deg=["30", "50", "60", "-70", "1", "80", ""],
-        **{PLANE_COLUMN: ["", "35", "", "", "", "nonsense", ""]},
+        **{PLANE_OF_ELEVATION: ["", "35", "", "", "", "nonsense", ""]},
     )
     planes = planes_of_elevation_deg(motions)
     np.testing.assert_array_equal(planes, [0.0, 35.0, 90.0, 70.0, np.nan, 0.0, np.nan])

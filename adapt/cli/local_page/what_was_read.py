@@ -8,7 +8,7 @@ import numpy as np
 from adapt.cli.terminal.print_converted import slips_in_words
 from adapt.diagnosis.fit.shoulders import FEWEST_POSTURES
 from motions import Motions
-from motions.landmarks.sampled_postures import ESTIMATED, is_marked
+from motions.landmarks.sampled_postures import ESTIMATED, is_yes
 from motions.table import ANGLE_NAMES, ANGLES
 
 
@@ -54,7 +54,7 @@ def _missing(mine: Motions) -> Iterator[str]:
 def warnings(motions: Motions) -> list[str]:
     """List warnings before the motions are used: subjects left out, estimates, landmark outliers, few postures."""
     found = [f"Left out: {error}" for error in motions.rejected]
-    if is_marked(motions, ESTIMATED, "yes").any():
+    if is_yes(motions, ESTIMATED).any():
         found.append("The axial rotation of the clavicle is an estimate: two landmarks do not determine it.")
     found += [f"{said}. The diagnosis leaves these out." for said in slips_in_words(motions)]
     for subject in motions.subjects:

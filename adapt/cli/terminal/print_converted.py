@@ -14,7 +14,7 @@ from adapt.tables.thorax_table import THORAX_WORDS, thorax_table
 from motions import Motions
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.landmarks.mapping import CLUSTERS
-from motions.landmarks.sampled_postures import CLAVICLE_Z_BY, ESTIMATE_ZERO, ESTIMATED, is_marked, marked_slips
+from motions.landmarks.sampled_postures import CLAVICLE_Z_BY, ESTIMATE_ZERO, ESTIMATED, is_yes, marked_slips
 
 _NUMBER = r"\d+(\.\d+)?(e[+-]\d+)?"
 
@@ -47,7 +47,7 @@ def print_converted(
 
 def _say_estimated(console: Console, motions: Motions) -> None:
     """Say that the axial rotation of the clavicle is an estimate, and at which elevation the estimate is 0."""
-    if not is_marked(motions, ESTIMATED, "yes").any():
+    if not is_yes(motions, ESTIMATED).any():
         return
     said = "clavicle_x_deg (axial rotation) is an estimate"
     if ESTIMATE_ZERO in motions.extra:

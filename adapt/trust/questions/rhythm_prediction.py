@@ -6,11 +6,9 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
+from motions.motion_csv.columns import MOTION_ANGLE, PLANE_OF_ELEVATION
 from motions.rhythm import COEFFICIENTS, REST_DEG, girdle_angles_deg
 from motions.table import Motions
-
-PLANE_COLUMN = "plane_of_elevation_deg"
-"""Optional column of a motion file with the plane of elevation of each posture."""
 
 PLANES_DEG = {
     "abduction": 0.0,
@@ -41,7 +39,7 @@ def planes_of_elevation_deg(motions: Motions) -> Float[np.ndarray, " postures"]:
 
     For ``horizontal_flexion`` the plane is the absolute value of ``motion_angle_deg``. NaN where the plane is unknown.
     """
-    read, angle = (_column(motions, name) for name in (PLANE_COLUMN, "motion_angle_deg"))
+    read, angle = (_column(motions, name) for name in (PLANE_OF_ELEVATION, MOTION_ANGLE))
     mapped = np.array([PLANES_DEG.get(name, np.nan) for name in motions.motion.tolist()])
     mapped = np.where(motions.motion == HORIZONTAL, np.abs(angle), mapped)
     return np.where(np.isfinite(read), read, mapped)

@@ -172,9 +172,12 @@ def cluster_markers_mm(
     markers: Markers, mapping: Mapping, segment: str, factor: float
 ) -> dict[str, Float[np.ndarray, "3 frames"]]:
     """Return the markers of a segment's cluster that a file has, mm; NaN, with InputWarning, where one was not seen."""
-    every = {name: marker_mm(markers, mapping, name, factor) for name in mapping.clusters[segment]}
-    found = {name: place for name, place in every.items() if place is not None}
-    for name, unseen in never_seen_of_cluster(found).items():
+    names = dict.fromkeys(name for one in mapping.clusters.values() for name in one)
+    every = {name: marker_mm(markers, mapping, name, factor) for name in names}
+    others = {name: place for name, place in every.items() if place is not None}
+    found = {name: others.pop(name) for name in mapping.clusters[segment] if name in others}
+    others |= landmarks_there_mm(markers, mapping, factor)
+    for name, unseen in never_seen_of_cluster(found, others, mapping.clusters.get("thorax", THORAX)).items():
         if unseen.any():
             x, y, z = found[name][:, np.flatnonzero(unseen)[0]]
             found[name] = np.where(unseen, np.nan, found[name])

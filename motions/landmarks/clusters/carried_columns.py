@@ -8,13 +8,8 @@ from jaxtyping import Float, Int
 from motions.landmarks.clusters.carried import CarriedTrial
 from motions.landmarks.resampling import resample
 from motions.landmarks.stand_ins import GlenohumeralOffset
+from motions.motion_csv.columns import HUMERUS_PLACED, SCAPULA_FROM
 from motions.table import Motions
-
-SCAPULA_FROM = "scapula_from"
-"""Extra column: states that a cluster, under which skin moves over bone, carried the scapula, and its calibration."""
-
-HUMERUS_PLACED = "humerus_from"
-"""Extra column: description of how GH was estimated if nobody marked it; the elevation of the arm depends on GH."""
 
 
 def residual_column(segment: str) -> str:
