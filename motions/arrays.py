@@ -43,6 +43,15 @@ def _namespace(values: Iterable[Any]) -> Any:
     return np
 
 
+def batch_text(one: str, array: Any) -> str:
+    """Write the batch of an array with one number of each of its members: 'one girdle', '10 x 3 girdles'.
+
+    Only its shape counts, if it has one: ``jit`` and ``tree_map`` put tracers and objects of any kind in its place.
+    """
+    shape = getattr(array, "shape", ())
+    return f"{' x '.join(map(str, shape))} {one}s" if shape else f"one {one}"
+
+
 class ByType(NamedTuple, Generic[Value]):
     """Value that depends on the number type, such as a tolerance: float32 rounds 5e8 times as coarsely as float64."""
 

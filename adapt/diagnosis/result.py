@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.location.where import Where
+from adapt.tables.in_notebook import notebook_html
 from models.effects.amplitudes import Amplitude, as_option
-from motions.table import Motions
+from motions.table import Motions, counted
 
 Answer = Literal["none", "effect", "unknown"]
 NONE: Answer = "none"
@@ -253,7 +254,7 @@ def can_test(kinds: Sequence[str], persons: int) -> bool:
     return len(kinds) > 1 or persons > 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """Diagnosis of the gap of all given subjects by one model."""
 
@@ -296,6 +297,18 @@ class Diagnosis:
     next_measurement: list[Proposal]
     """Measurements that would distinguish the names of a cause."""
     positions: Positions
+
+    def __repr__(self) -> str:
+        from adapt.diagnosis.texts.wording import answer_text  # which imports this module
+
+        return f"Diagnosis({self.model}, {counted(len(self.subjects), 'subject')}: {answer_text(self.verdict)})"
+
+    def _repr_html_(self) -> str:
+        """Return the verdict and the gap budget, degrees, as a notebook shows them."""
+        from adapt.diagnosis.texts.wording import gap_text, sentence, step_text  # which imports this module
+
+        rows = [(step_text(one.step), *map(gap_text, one.gap_deg)) for one in self.budget]
+        return notebook_html(sentence(self), ("step", "gap_deg", "low", "high"), rows)
 
     @property
     def effects(self) -> dict[str, Amplitude]:

@@ -22,6 +22,7 @@ from adapt.tables.before_after import before_and_after
 from adapt.tables.contact_table import contact_table
 from adapt.tables.folds import MOTION, POSTURES
 from adapt.tables.held_out import by_subject
+from adapt.tables.in_notebook import notebook_html
 from adapt.tables.muscle_tables import serratus_arms
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.changed_forces import force_checks
@@ -33,7 +34,7 @@ from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, as_list
 from motions.errors import InputError
 from motions.motion_csv.typed_motions import check_motions
-from motions.table import Motions
+from motions.table import Motions, counted
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
 """Origins of an interval: +-1.96 SD within the bounds; the bounds, for a parameter at a bound; no interval."""
@@ -43,7 +44,13 @@ _ALMOST_NO_POINTS = 1e3
 weight."""
 
 
-@dataclass(frozen=True)
+_GAPS = [f"gap_{kind}_deg" for kind in ("before", "in_sample", "unseen_motion", "unseen_postures")]
+
+_SHOWN = ["model", "subject", *_GAPS, "at_bound", "flat", "plausibility", "warnings"]
+"""Columns of ``trust.csv`` that a notebook shows."""
+
+
+@dataclass(frozen=True, repr=False)
 class Trust:
     """Tables of an adaptation; their columns are described at the functions that make them."""
 
@@ -59,6 +66,16 @@ class Trust:
     """``contact.csv``: one row per model and posture."""
     weights: pd.DataFrame | None
     """``weights.csv``: one row per model and w; None unless requested."""
+
+    def __repr__(self) -> str:
+        models = ", ".join(dict.fromkeys(self.subjects["model"]))
+        warned = int((self.subjects["plausibility"] == WARNING).sum())
+        subjects = counted(self.subjects["subject"].nunique(), "subject")
+        return f"Trust({subjects}, {models}: {warned} of {len(self.subjects)} outside the limits)"
+
+    def _repr_html_(self) -> str:
+        """Return gaps, degrees, and warnings by subject, as a notebook shows them."""
+        return notebook_html(repr(self), _SHOWN, self.subjects[_SHOWN].itertuples(index=False))
 
 
 def assess_trust(
