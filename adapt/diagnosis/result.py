@@ -11,24 +11,17 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from adapt.diagnosis import keys
+from adapt.diagnosis.keys import ALL, Answer
 from adapt.diagnosis.location.where import Where
+from adapt.diagnosis.texts.wording import answer_text, gap_text, sentence, step_text
 from adapt.tables.in_notebook import notebook_html
 from models.effects.amplitudes import Amplitude, as_option
 from motions.table import Motions, counted
 
-Answer = Literal["none", "effect", "unknown"]
-NONE: Answer = "none"
-EFFECT: Answer = "effect"
-UNKNOWN: Answer = "unknown"
-
-ALL = "all"
-"""Key of both bones together, in gaps by bone."""
-
-BASE, ADAPTED_STEP, NOISE = "base", "adapted", "noise"
-"""Steps of the gap budget beside the causes."""
-
-OWN_BONES = "own_bones"
-"""Step of the gap budget with own bones and frames, the null of every cause."""
+NONE, EFFECT, UNKNOWN = keys.NONE, keys.EFFECT, keys.UNKNOWN
+BASE, ADAPTED_STEP, OWN_BONES, NOISE = keys.BASE, keys.ADAPTED_STEP, keys.OWN_BONES, keys.NOISE
+"""Keys for readers of a result; this module imports the sentences, which need them too."""
 
 
 class Interval(NamedTuple):
@@ -299,14 +292,10 @@ class Diagnosis:
     positions: Positions
 
     def __repr__(self) -> str:
-        from adapt.diagnosis.texts.wording import answer_text  # which imports this module
-
         return f"Diagnosis({self.model}, {counted(len(self.subjects), 'subject')}: {answer_text(self.verdict)})"
 
     def _repr_html_(self) -> str:
         """Return the verdict and the gap budget, degrees, as a notebook shows them."""
-        from adapt.diagnosis.texts.wording import gap_text, sentence, step_text  # which imports this module
-
         rows = [(step_text(one.step), *map(gap_text, one.gap_deg)) for one in self.budget]
         return notebook_html(sentence(self), ("step", "gap_deg", "low", "high"), rows)
 
