@@ -11,9 +11,9 @@ from motions.errors import InputWarning
 from motions.formats.any_file import read_any
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.derived import factors_of
+from motions.landmarks.estimated_landmarks import KAPTEIN
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.sampled_postures import CLAVICLE_PLACED, SLIPPED, Labels
-from motions.landmarks.stand_ins import KAPTEIN
 from tests.helpers.laboratory import in_laboratory, simulated_trial, trc_lines
 
 
