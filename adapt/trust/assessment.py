@@ -195,7 +195,7 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
     ``points_forbid`` is the share of the possible decrease of mean J, without the thorax points but within the bounds,
     that these points prevent. ``jump_free`` is the share of steps along the motions without a jump to another branch.
     """
-    unseen = by_subject(heldout).set_index(["model", "subject", "kind"])["gap_unseen_deg"].to_dict()
+    held_out = by_subject(heldout).set_index(["model", "subject", "kind"])["gap_unseen_deg"].to_dict()
     fits = result.fits.assign(
         gap_deg=result.fits[DIFFERENCES].abs().mean(axis=1).where(result.fits["status"] == status.OK)
     )
@@ -211,8 +211,8 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
         for problem, subject in enumerate(subjects, m * len(subjects)):
             row: dict[str, object] = {"model": model, "subject": subject, "status": words[problem]}
             row |= {"gap_before_deg": gap.get((model, subject, 0)), "gap_in_sample_deg": gap.get((model, subject, 1))}
-            row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
-            row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)
+            row["gap_unseen_motion_deg"] = held_out.get((model, subject, MOTION), np.nan)
+            row["gap_unseen_postures_deg"] = held_out.get((model, subject, POSTURES), np.nan)
             row["noise_deg"] = found.noise_deg[problem]
             row["points_forbid"] = improvement_blocked_by_points(before[model, subject], *(J[problem] for J in least))
             row["jump_free"] = smooth[subject]

@@ -36,7 +36,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 
 _TRIAD = (("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
 
-STAND_IN_MM = 10.0
+ESTIMATED_LANDMARK_MM = 10.0
 """SD of SC estimated from IJ and of AC estimated from AA (``motions.landmarks``)."""
 
 GENERIC_THORAX_MM = 15.0
@@ -157,7 +157,7 @@ def _sources(generic, of_bones, SC, thorax, points, rest: str, estimated, carrie
         replaced = [f"{name} {estimated[name]}" for name in landmarks if name in estimated]
         sd = max(size.sd_mm for size in sizes)
         if replaced:
-            return f"derived: {what} {sizes[0]}; {'; '.join(replaced)}; +-{max(sd, STAND_IN_MM):.1f} mm"
+            return f"derived: {what} {sizes[0]}; {'; '.join(replaced)}; +-{max(sd, ESTIMATED_LANDMARK_MM):.1f} mm"
         return f"measured: {what} {sizes[0]}; +-{sd:.1f} mm"
 
     triad = [of_bones[pair] for pair in _TRIAD]

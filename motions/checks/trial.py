@@ -65,17 +65,17 @@ def _check_swap(found: Positions, whose: str, file: str) -> None:
 
 def _leave_out_never_seen(found: Positions, whose: str, file: str) -> None:
     """Set positions to NaN where they mean that a landmark was not seen."""
-    for name, unseen in never_seen(found).items():
-        if not unseen.any():
+    for name, lost in never_seen(found).items():
+        if not lost.any():
             continue
-        x, y, z = found[name][:, np.flatnonzero(unseen)[0]]
-        was_seen = np.isfinite(found[name]).all(axis=0) & ~unseen
-        found[name][:, unseen] = np.nan
+        x, y, z = found[name][:, np.flatnonzero(lost)[0]]
+        was_seen = np.isfinite(found[name]).all(axis=0) & ~lost
+        found[name][:, lost] = np.nan
         if not was_seen.any():
             cause = f"{whose}: landmark {name} was never seen: it is at ({x:g}, {y:g}, {z:g}) in every frame"
             _leave_whole(found, (name,), cause, "Reconstruct its marker, or use another trial", file)
         elif x or y or z:  # no warning about (0, 0, 0), with which every program marks a gap
-            cause = f"{whose}: landmark {name} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(unseen))}"
+            cause = f"{whose}: landmark {name} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(lost))}"
             remedy = "It was not seen there and is left out: write gaps as empty cells, or reconstruct them"
             warn_input(InputError(file, None, cause, remedy))
 

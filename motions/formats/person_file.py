@@ -35,7 +35,7 @@ SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "
 _MOST_NAMED = 10
 """Maximum number of postures in a message."""
 
-_STAND_IN_OPTIONS = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
+_OPTIONS_THAT_ESTIMATE = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def read_persons(
             rejected.append(error)
     if not found:
         raise rejected[0]
-    every = [name for name in ("SC", "AC") if all(name not in one.stand_ins for one in found)]
+    every = [name for name in ("SC", "AC") if all(name not in one.estimated_landmarks for one in found)]
     warn_of_unused(every, labels, str(path))
     return found, rejected
 
@@ -173,7 +173,7 @@ def _complete(
 ) -> PersonLandmarks:
     """Add the estimated landmarks SC and AC, and the points of the person. Raise InputError if SC or AC is missing."""
     placed, said = with_estimated_landmarks(person.landmarks_mm, labels.aa_to_ac, labels.sc_from_ij)
-    for name, remedy in _STAND_IN_OPTIONS.items():
+    for name, remedy in _OPTIONS_THAT_ESTIMATE.items():
         if name not in placed:
             cause = f"subject {person.subject!r}: {name} was not measured, and without it the clavicle has no length"
             raise InputError(person.file, None, cause, f"Measure {name}, or place it {remedy}")

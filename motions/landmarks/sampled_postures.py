@@ -194,15 +194,15 @@ def _check_rest(
         warn_input(doubt_of_rest(file, f"{labels.subject}, {labels.motion}", rest, unlike, swap))
 
 
-def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: float) -> Motions:
+def _with_marks(table: Motions, placed: Dictionary[str, str], zero_at_deg: float) -> Motions:
     """Add the columns that mark angles as estimates or as computed from landmarks, and estimated landmarks."""
     count, extra = len(table.posture), table.extra.copy()
     estimated = np.isfinite(table.angles_deg[:, CLAVICLE_X])
     extra[ANGLES_FROM_LANDMARKS] = ["yes"] * count
     extra[ESTIMATED] = np.where(estimated, "yes", "")
     extra[ESTIMATE_ZERO] = np.where(estimated & np.isfinite(zero_at_deg), f"{zero_at_deg:.1f}", "")
-    if stand_ins:
-        extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in stand_ins.items())] * count
+    if placed:
+        extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in placed.items())] * count
     return replace(table, extra=extra)
 
 

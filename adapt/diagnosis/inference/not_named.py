@@ -8,7 +8,7 @@ from adapt.diagnosis.inference.selection import LEAST_PROBABILITY
 
 NOT_NEEDED = "the causes that are named do without it"
 OWN_BONES_DO = "own bones predict held-out motions as well"
-LEFT_OVER = "beside it all persons do something alike that no cause of the list explains"
+UNEXPLAINED = "beside it all persons do something alike that no cause of the list explains"
 OF_ESTIMATE = "a computed axial rotation has a zero of its own"
 PERSONS_DIFFER = "persons differ in it by as much as they have in common"
 
@@ -36,7 +36,7 @@ def why_not_named(
         if is_its_zero(cause, known):
             found[cause] = OF_ESTIMATE
         elif unexplained:
-            found[cause] = LEFT_OVER
+            found[cause] = UNEXPLAINED
         elif cause in before:
             found[cause] = PERSONS_DIFFER if cause in same else OWN_BONES_DO
         else:
