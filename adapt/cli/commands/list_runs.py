@@ -54,17 +54,17 @@ def print_effects() -> None:
     """Print the candidate effects, one line each."""
     for one in EFFECTS.values():
         scale = " / ".join(f"{value:.2g}" for value in one.prior.scale)
-        option = f"{OPTION} {one.name}={_places(one)} in {_unit(one)}"
+        option = f"{OPTION} {one.name}={amplitude_places(one)} in {amplitude_unit(one)}"
         size = scale if one.size_unit == NO_UNIT else f"{scale} {one.size_unit}"
         console.print(f"{one.name:28} {one.what}; size {size}; {option}", soft_wrap=True)
 
 
-def _places(effect: Effect) -> str:
+def amplitude_places(effect: Effect) -> str:
     """Write a placeholder for the amplitude of each direction: 'ALONG,UP,BACK'."""
     return ",".join(direction.upper().replace(" ", "_") for direction in effect.directions)
 
 
-def _unit(effect: Effect) -> str:
+def amplitude_unit(effect: Effect) -> str:
     """Write the unit of an amplitude in words, with the elevation at which an amplitude over elevation holds."""
     over = isinstance(effect.basis, OverElevation)
     if effect.unit == NO_UNIT:
