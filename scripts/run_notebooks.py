@@ -74,6 +74,7 @@ def _run(text: str) -> Iterator[str]:
     """Run the cells of code of a page one after the other, in an empty folder; yield what each shows, as HTML."""
     names: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), mpl.rc_context({"backend": "agg", **STYLE}):
+        plt.close("all")  # figures of who called
         for kind, code in cells(text):
             if kind == "code":
                 yield _cell(code, names)
