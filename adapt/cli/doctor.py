@@ -10,7 +10,6 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from platform import python_version
 
-import typer
 from packaging.requirements import Requirement
 
 from adapt.cli.options import console
@@ -44,8 +43,8 @@ class Finding:
     remedy: str = ""
 
 
-def print_findings() -> None:
-    """Print the findings and their remedies; exit with ``EXIT_NEEDED_IS_MISSING`` where girdle cannot work."""
+def print_findings() -> int:
+    """Print the findings and their remedies; return the exit status, ``EXIT_NEEDED_IS_MISSING`` or 0."""
     findings = [
         python_found(),
         compiled_found(),
@@ -62,8 +61,7 @@ def print_findings() -> None:
             console.print(f"{one.what}: {one.remedy}", soft_wrap=True)
     missing = [one.what for one in findings if one.state == MISSING]
     console.print(f"girdle needs {', '.join(missing)}" if missing else "girdle can work.", soft_wrap=True)
-    if missing:
-        raise typer.Exit(EXIT_NEEDED_IS_MISSING)
+    return EXIT_NEEDED_IS_MISSING if missing else 0
 
 
 def python_found() -> Finding:
