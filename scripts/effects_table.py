@@ -15,6 +15,9 @@ HEAD = "|effect|directions|unit|\n|---|---|---|\n"
 """Head of the table, without blanks, of which each would count as a word."""
 
 
+SHORT = {", at 150 degrees of elevation": " at 150°", " a 30 deg": "/30°"}
+"""Words of units, and their signs in the table."""
+
 _MOST_LETTERS = 50
 """Largest width of a cell in letters."""
 
@@ -32,8 +35,11 @@ def _directions(effect: Effect) -> str:
 
 
 def _unit(effect: Effect) -> str:
-    """Write the unit without the words of elevation, which stand once above the table."""
-    return amplitude_unit(effect).replace(", at", " at").replace(" degrees of elevation", "°")
+    """Write the unit without the words of elevation and bone angle, which stand once above the table."""
+    unit = amplitude_unit(effect)
+    for words, sign in SHORT.items():
+        unit = unit.replace(words, sign)
+    return unit
 
 
 def main() -> None:

@@ -16,5 +16,6 @@ def test_directions_and_units_are_those_of_the_terminal():
     rows = [line.split("|")[1:-1] for line in effects_table.table().splitlines()[2:]]
     assert [row[0] for row in rows] == [f"`{name}`" for name in EFFECTS]
     for (_, directions, unit), name in zip(rows, EFFECTS, strict=True):
-        in_words = unit.replace(" at 150°", ", at 150 degrees of elevation")
-        assert f"--effect {name}={directions.replace('<br>', '')} in {in_words}\n" in printed
+        for words, sign in effects_table.SHORT.items():
+            unit = unit.replace(sign, words)
+        assert f"--effect {name}={directions.replace('<br>', '')} in {unit}\n" in printed
