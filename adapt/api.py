@@ -34,6 +34,7 @@ from adapt.tables.results import (
     STATISTICS,
     Tables,
     fits_table,
+    mean_gaps_html,
     own_columns,
     parameters_table,
     rows_of_subjects,
@@ -46,7 +47,7 @@ from models.person.own_bones import NO_SDS, OwnSDs
 from models.person.positions.measured_movement import warn_of_unmeasured
 from motions.errors import InputError, did_you_mean, listed, warn_input
 from motions.motion_csv.typed_motions import check_motions
-from motions.table import Motions
+from motions.table import Motions, counted
 
 Progress = Callable[[str], None]
 
@@ -64,7 +65,12 @@ class PostureFits:
     """Table with one row per model and posture: the columns of ``fits.csv``."""
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.fits['subject'].nunique()} subjects, {', '.join(self.by_model)})"
+        subjects = counted(len(set(self.fits["subject"])), "subject")
+        return f"{type(self).__name__}({subjects}, {', '.join(self.by_model)})"
+
+    def _repr_html_(self) -> str:
+        """Return the mean gaps over the subjects, degrees, as a notebook shows them."""
+        return mean_gaps_html(repr(self), self.summary)
 
     @cached_property
     def summary(self) -> pd.DataFrame:

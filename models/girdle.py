@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from models.adapted_parameters import adapted_components, conoid_length, ellipsoid_components
 from models.ellipsoid import signed_distance_mm
-from motions.arrays import Array, xp
+from motions.arrays import Array, batch_text, xp
 from motions.rotations import rotate, rotation_from_cardan
 
 CONSTRAINT_NAMES = {"A1": "A1: TS to the ellipsoid", "A2": "A2: AI to the ellipsoid", "A3": "A3: length of the conoid"}
@@ -33,7 +33,7 @@ def refuse_degrees(angles: Float[Array, " 6 *batch"]) -> None:
 
 
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Girdle:
     """Geometry of one girdle, or of a batch of them. Vectors are ``(3, *batch)``, lengths ``(*batch)``, in mm."""
 
@@ -59,6 +59,9 @@ class Girdle:
     """const2 of A2."""
     conoid_length_mm: Float[Array, " *batch"]
     """const3 of A3."""
+
+    def __repr__(self) -> str:
+        return f"Girdle({batch_text('girdle', self.conoid_length_mm)})"
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """Compute A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`.

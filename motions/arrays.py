@@ -23,14 +23,14 @@ def is_jax(x: Any) -> bool:
     return _namespace((x,)) is jnp
 
 
-_AT_ONCE = {np.ndarray, np.float64, np.bool_, float, int, bool, str, type, type(None)}
+_EAGER = {np.ndarray, np.float64, np.bool_, float, int, bool, str, type, type(None)}
 """Types that need no look-up of a namespace, numpy's and those of options: the most frequent arguments."""
 
 
 def _namespace(values: Iterable[Any]) -> Any:
     """Return the first namespace that is not numpy's, searching lists and tuples too; numpy if there is none."""
     for x in values:
-        if type(x) in _AT_ONCE:
+        if type(x) in _EAGER:
             continue
         if isinstance(x, (list, tuple)):
             namespace = _namespace(x)
@@ -41,6 +41,15 @@ def _namespace(values: Iterable[Any]) -> Any:
         if namespace is not np:
             return namespace
     return np
+
+
+def batch_text(one: str, array: Any) -> str:
+    """Write the batch of an array with one number of each of its members: 'one girdle', '10 x 3 girdles'.
+
+    Only its shape counts, if it has one: ``jit`` and ``tree_map`` put tracers and objects of any kind in its place.
+    """
+    shape = getattr(array, "shape", ())
+    return f"{' x '.join(map(str, shape))} {one}s" if shape else f"one {one}"
 
 
 class ByType(NamedTuple, Generic[Value]):
@@ -58,13 +67,13 @@ class _Dispatched:
     """Namespace ``xp``: ``xp.f`` is ``f`` of the arguments' namespace, such as ``numpy.f`` or ``jax.numpy.f``."""
 
     def __getattr__(self, name: str) -> Any:
-        at_once = getattr(np, name)
-        if not callable(at_once):
-            return at_once  # a constant, such as inf
+        eager = getattr(np, name)
+        if not callable(eager):
+            return eager  # a constant, such as inf
 
         def call(*arguments: Any, **options: Any) -> Any:
             namespace = _namespace(arguments)
-            return (at_once if namespace is np else getattr(namespace, name))(*arguments, **options)
+            return (eager if namespace is np else getattr(namespace, name))(*arguments, **options)
 
         setattr(self, name, call)
         return call

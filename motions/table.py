@@ -45,6 +45,11 @@ _PER_POSTURE = ("subject", "motion", "posture", "humerus_elevation_deg", "angles
 """Fields of ``Motions`` with one entry per posture, besides landmarks and extra columns."""
 
 
+def counted(number: int, noun: str) -> str:
+    """Write a number of things: '1 subject', '10 subjects'."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Motions:
     """N postures in the order of the files, all as a right shoulder; NaN means 'not measured'.
@@ -67,8 +72,8 @@ class Motions:
     rejected: tuple[InputError, ...] = ()
 
     def __repr__(self) -> str:
-        kinds = ", ".join(dict.fromkeys(self.motion.tolist()))
-        return f"Motions({len(self.posture)} postures of {len(self.subjects)} subjects: {kinds})"
+        postures, subjects = counted(len(self.posture), "posture"), counted(len(self.subjects), "subject")
+        return f"Motions({postures} of {subjects}, {counted(len(set(self.motion.tolist())), 'motion')})"
 
     @property
     def subjects(self) -> tuple[str, ...]:

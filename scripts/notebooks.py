@@ -13,12 +13,12 @@ from scripts.rooms import ROOT
 
 FOLDER = ROOT / "docs" / "notebooks"
 
-_BLOCK = re.compile(r"^```python[^\n]*\n(.*?)^```\n?", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```python[^\n]*\n(.*?)^```\n?", re.MULTILINE | re.DOTALL)
 
 
 def cells(page: str) -> list[tuple[str, str]]:
     """Split a page into ('markdown' | 'code', text), in order."""
-    parts = _BLOCK.split(page)  # text, code, text, code, ..., text
+    parts = BLOCK.split(page)  # text, code, text, code, ..., text
     kinds = [("code" if k % 2 else "markdown", part.strip("\n")) for k, part in enumerate(parts)]
     return [(kind, text) for kind, text in kinds if text]
 

@@ -1,4 +1,4 @@
-"""Check the words and sentences of the pages, docstrings and comments against the glossary; count the pages' words.
+"""Check the words of pages, code, messages, templates and names against the glossary; count the words of the pages.
 
     python scripts/words.py            # one line per finding; exit status 1 if there are any
     python scripts/words.py --ease     # Flesch reading ease of each page
@@ -7,6 +7,7 @@ A user page is README.md or a page of docs/ or docs/notebooks/; docs/research/ i
 and backticks, and formulas, are not prose: only the word count includes them.
 """
 
+import ast
 import re
 import tokenize
 from collections.abc import Iterator, Mapping
@@ -21,18 +22,30 @@ MOST_WORDS = 20_000
 """Limit for all user pages together, code and tables included: two hours of reading."""
 
 REPLACED = {
-    r"unseen": "held-out",
+    r"unseen": "held out",
     r"valleys?": "local minimum",
     r"at work": "active",
     r"left over": "unexplained",
     r"stand-ins?": "estimated landmark",
-    r"ladders?|rungs?": "gap budget, step",
+    r"ladders?|rungs?": "gap budget",
     r"relie(?:f|ved)": "thorax down-weighting",
     r"bones of their own": "own bones",
-    r"sizes of (?:others|other persons)": "population amplitudes",
-    r"persons' own sizes|sizes of their own": "subject-level amplitudes",
+    r"sizes of (?:others|other persons)": "population amplitude",
+    r"persons' own sizes|sizes of their own": "subject-level amplitude",
 }
-"""Words that the glossary replaces, each with its term."""
+"""Words that the glossary replaces, each with its term in ``docs/glossary.md``."""
+
+NAMES_THAT_STAY = {
+    "left_over_share": "key of diagnosis.json",
+    "_unseen": "frames in which no camera saw a marker",
+    "unseen": "frames in which no camera saw a marker",
+}
+"""Names in the code with a word that the glossary replaces elsewhere, each with the reason."""
+
+_FOR_USERS = ("adapt/cli", "adapt/report", "adapt/diagnosis", "motions")
+"""Folders whose strings users read: terminal, report, options, warnings and errors."""
+
+_TEMPLATES = "adapt/report/templates"
 
 HISTORY = {
     r"looked at": "docs/research/ says how often data were used",
@@ -104,6 +117,53 @@ def code_findings(file: Path) -> Iterator[str]:
                 yield from _without_subject(token.string.strip('#"'), where)
 
 
+def string_findings(file: Path) -> Iterator[str]:
+    """List the words in the strings of a module that the glossary replaces. A string without a blank is a key."""
+    tree = ast.parse(file.read_text("utf-8"))
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+            where = f"{file.relative_to(ROOT)}:{node.lineno}"
+            yield from _wrong(node.value if " " in node.value else "", _whole_words(REPLACED), where)
+
+
+def name_findings(file: Path) -> Iterator[str]:
+    """List the names in a module, and of it, with a word that the glossary replaces."""
+    names = {file.stem: 1}
+    for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+        for kind in ("id", "attr", "arg", "name", "asname"):
+            if isinstance(name := getattr(node, kind, None), str):
+                names.setdefault(name, getattr(node, "lineno", 1))
+    for name, line in names.items():
+        if name not in NAMES_THAT_STAY:
+            words = re.sub(r"(?<=[a-z])(?=[A-Z])|_", " ", name).lower()
+            either = f"{words}, {words.replace(' ', '-')}"
+            yield from _wrong(either, _whole_words(REPLACED), f"{file.relative_to(ROOT)}:{line}, {name}")
+
+
+def text_findings(file: Path) -> Iterator[str]:
+    """List the words in the lines of a text, such as a template, that the glossary replaces."""
+    for number, line in enumerate(file.read_text("utf-8").splitlines(), 1):
+        yield from _wrong(line, _whole_words(REPLACED), f"{file.relative_to(ROOT)}:{number}")
+
+
+def terms() -> set[str]:
+    """Return the terms of ``docs/glossary.md``: the first cells of its tables."""
+    text = (ROOT / "docs" / "glossary.md").read_text("utf-8")
+    return set(re.findall(r"^\| ([^|]+?) \|", text, re.MULTILINE)) - {"term"}
+
+
+def _everywhere_in_code() -> Iterator[str]:
+    yield from (f"docs/glossary.md: no term '{term}'" for term in REPLACED.values() if term not in terms())
+    for file in source_files().values():
+        yield from code_findings(file)
+        yield from name_findings(file)
+        if str(file.relative_to(ROOT)).startswith(_FOR_USERS):
+            yield from string_findings(file)
+    for text in (ROOT / "Makefile", *sorted((ROOT / _TEMPLATES).iterdir())):
+        yield from text_findings(text)
+
+
 def _without_subject(text: str, where: str) -> Iterator[str]:
     """List the sentences that begin without a noun."""
     code_as_noun = _BLOCK.sub("X", text.replace("``", "`"))
@@ -143,13 +203,13 @@ app = typer.Typer(add_completion=False)
 def main(
     ease: Annotated[bool, typer.Option("--ease", help="Print Flesch's reading ease of each page instead.")] = False,
 ) -> None:
-    """Report everything that is wrong with the words of pages and code; exit status 1 if there is anything."""
+    """Report everything that is wrong with the words of pages, code and templates; exit status 1 if anything is."""
     if ease:
         for page in user_pages():
             print(f"{reading_ease(page.read_text('utf-8')):5.1f}  {page.relative_to(ROOT)}")
         return
     wrong = [one for page in user_pages() for one in findings(page)]
-    wrong += [one for file in source_files().values() for one in code_findings(file)]
+    wrong += _everywhere_in_code()
     if (count := word_count()) > MOST_WORDS:
         wrong.append(f"user pages have {count} words, at most {MOST_WORDS}")
     if wrong:

@@ -1,11 +1,13 @@
-"""Start of ``girdle``: shell completion is answered from a list of words, anything else by the command line.
+"""Start of ``girdle``: a list of words answers shell completion, the checks alone answer ``girdle doctor``, and the
+command line all else.
 
-The command line, with the libraries that check its options, takes too long to import for a shell completion.
+The command line, with the libraries that check its options, takes too long to import for these two.
 ``shell_words.txt`` holds its commands and options; ``scripts/shell_words.py`` writes it.
 """
 
 import inspect
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -20,9 +22,13 @@ WORDS = Path(__file__).with_name("shell_words.txt")
 
 
 def main() -> None:
-    """Answer a shell completion, or run the command line."""
+    """Answer a shell completion or ``girdle doctor``, or run the command line."""
     if ASKED in os.environ:
         words()(prog_name="girdle")
+    if sys.argv[1:] == ["doctor"]:
+        from adapt.cli.doctor import print_findings
+
+        sys.exit(print_findings())
     from adapt.cli.app import main as run  # too slow for a shell completion
 
     run()

@@ -16,7 +16,6 @@ from adapt.diagnosis.inference.alternatives import with_what_does_as_well
 from adapt.diagnosis.inference.amplitude import amplitude_without_size, amplitudes, of_landmarks
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
-from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.inference.not_named import why_not_named
 from adapt.diagnosis.inference.search import search_of
@@ -28,6 +27,7 @@ from adapt.diagnosis.inference.selection import (
     probable,
     standing,
 )
+from adapt.diagnosis.inference.unexplained import more_than_noise, unexplained_share
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
@@ -208,7 +208,7 @@ class _Study:
             amplitude=self._amplitude(verdict, sizes),
             landmark_sizes={name: of_landmarks(candidates.effect(name), one) for name, one in candidates.sizes.items()},
             budget=budget,
-            left_over_share=_left_over(gaps),
+            left_over_share=_unexplained(gaps),
             gaps=gaps,
             parameters=_changes(adapted, with_causes),
             where=self._where(adapted, with_causes, floor, noise),
@@ -251,7 +251,7 @@ class _Study:
         for name in self.search.known:
             if not any(cause.names[0] == name for cause in causes):
                 causes.append(Cause((name,), (1.0,), 0.0, np.nan, ("angles",)))
-        probability = _probability(weights, weights.inclusion, answer, _left_over(gaps))
+        probability = _probability(weights, weights.inclusion, answer, _unexplained(gaps))
         against = {name: why for name, why in against.items() if name not in self.search.known}
         return Verdict(answer, tuple(causes), weights.inclusion, probability, against)
 
@@ -295,9 +295,9 @@ class _Study:
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
 
 
-def _left_over(gaps: Gaps) -> float:
+def _unexplained(gaps: Gaps) -> float:
     levels = gaps.hardest
-    return left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
+    return unexplained_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
 
 
 def _levels(

@@ -11,23 +11,17 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from adapt.diagnosis import keys
+from adapt.diagnosis.keys import ALL, Answer
 from adapt.diagnosis.location.where import Where
+from adapt.diagnosis.texts.wording import answer_text, gap_text, sentence, step_text
+from adapt.tables.in_notebook import notebook_html
 from models.effects.amplitudes import Amplitude, as_option
-from motions.table import Motions
+from motions.table import Motions, counted
 
-Answer = Literal["none", "effect", "unknown"]
-NONE: Answer = "none"
-EFFECT: Answer = "effect"
-UNKNOWN: Answer = "unknown"
-
-ALL = "all"
-"""Key of both bones together, in gaps by bone."""
-
-BASE, ADAPTED_STEP, NOISE = "base", "adapted", "noise"
-"""Steps of the gap budget beside the causes."""
-
-OWN_BONES = "own_bones"
-"""Step of the gap budget with own bones and frames, the null of every cause."""
+NONE, EFFECT, UNKNOWN = keys.NONE, keys.EFFECT, keys.UNKNOWN
+BASE, ADAPTED_STEP, OWN_BONES, NOISE = keys.BASE, keys.ADAPTED_STEP, keys.OWN_BONES, keys.NOISE
+"""Keys for readers of a result; this module imports the sentences, which need them too."""
 
 
 class Interval(NamedTuple):
@@ -285,7 +279,7 @@ def can_test(kinds: Sequence[str], persons: int) -> bool:
     return len(kinds) > 1 or persons > 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """Diagnosis of the gap of all given subjects by one model."""
 
@@ -328,6 +322,14 @@ class Diagnosis:
     next_measurement: list[Proposal]
     """Measurements that would distinguish the names of a cause."""
     positions: Positions
+
+    def __repr__(self) -> str:
+        return f"Diagnosis({self.model}, {counted(len(self.subjects), 'subject')}: {answer_text(self.verdict)})"
+
+    def _repr_html_(self) -> str:
+        """Return the verdict and the gap budget, degrees, as a notebook shows them."""
+        rows = [(step_text(one.step), *map(gap_text, one.gap_deg)) for one in self.budget]
+        return notebook_html(sentence(self), ("step", "gap_deg", "low", "high"), rows)
 
     @property
     def effects(self) -> dict[str, Amplitude]:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from adapt.differentiable.constrained_optimum import HARDER, NEAR, SOFTLY, following, reached
 from models.ellipsoid import signed_distance_mm
 from models.girdle import COUNT_OF_NUMBERS, Girdle
-from motions.arrays import Array
+from motions.arrays import Array, batch_text
 from motions.errors import InputError
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
@@ -35,6 +35,9 @@ class PostureFit(NamedTuple):
     """Lagrange multipliers lambda of A1-A3, deg^2 per mm."""
     j_deg2: Float[Array, " *batch"]
     """J_p, deg^2; 0 for padding."""
+
+    def __repr__(self) -> str:
+        return f"PostureFit({batch_text('posture', self.j_deg2)})"
 
 
 class Postures(NamedTuple):

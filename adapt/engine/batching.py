@@ -48,15 +48,15 @@ def compiled(function: Callable[..., Any], on_cpu: dict[str, Any] = _UNFUSED) ->
     return wraps(function)(lambda *arguments: program()(*arguments))
 
 
-def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int = 0) -> Any:
+def in_chunks(function: Callable[..., Any], size: int, *trees: Any, eager: int = 0) -> Any:
     """Run ``function(*trees)`` over the last axis of every array, in chunks of ``size`` problems.
 
-    The results are numpy arrays that the caller may write to. With at most ``at_once`` problems, ``function`` (made by
+    The results are numpy arrays that the caller may write to. With at most ``eager`` problems, ``function`` (made by
     ``compiled``) runs uncompiled on numpy arrays.
     """
     trees = jax.tree.map(np.asarray, trees)
     problems = jax.tree.leaves(trees)[0].shape[-1]
-    if problems <= at_once:
+    if problems <= eager:
         with np.errstate(all="ignore"):  # a failed problem gives NaN, which callers detect
             return jax.tree.map(np.array, unwrap(function)(*trees))
     devices = jax.local_devices()

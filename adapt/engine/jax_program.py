@@ -184,7 +184,7 @@ def _divide(a: Any, b: Any) -> Any:
     if _is(a, 0.0):
         return 0.0
     if _builder_of(a, b) is None:
-        return _at_once(np.divide)(a, b)
+        return _eagerly(np.divide)(a, b)
     return a if _is(b, 1.0) else a / b
 
 
@@ -192,7 +192,7 @@ def _is(x: Any, value: float) -> bool:
     return not isinstance(x, SimdValue) and x == value
 
 
-def _at_once(function: Callable[..., Any]) -> Callable[..., Any]:
+def _eagerly(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a numpy function for constants, by IEEE arithmetic: 1 / 0 is infinite, whether or not the value is used."""
 
     def call(*values: Any) -> Any:
@@ -202,23 +202,23 @@ def _at_once(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-def _function(name: str, at_once: Callable[..., Any]) -> Callable[..., Any]:
+def _function(name: str, eager: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a function of numpy's namespace: numpy's for constants; for SIMD values the builder's, else LLVM's."""
 
     def call(*values: Any) -> Any:
         builder = _builder_of(*values)
         if builder is None:
-            return _at_once(at_once)(*values)
+            return _eagerly(eager)(*values)
         return getattr(builder, name, functools.partial(builder.call_intrinsic, name))(*values)
 
     return call
 
 
-def _comparison(word: str, at_once: Callable[[Any, Any], bool]) -> Callable[[Any, Any], Any]:
+def _comparison(word: str, eager: Callable[[Any, Any], bool]) -> Callable[[Any, Any], Any]:
     def call(a: Any, b: Any) -> Any:
         builder = _builder_of(a, b)
         if builder is None:
-            return at_once(a, b)
+            return eager(a, b)
         if not builder.broadcast(a).is_mask:
             return builder.compare(word, a, b)
         if word not in ("oeq", "une"):
@@ -229,10 +229,10 @@ def _comparison(word: str, at_once: Callable[[Any, Any], bool]) -> Callable[[Any
     return call
 
 
-def _logic(word: str, at_once: Callable[[Any, Any], bool]) -> Callable[[Any, Any], Any]:
+def _logic(word: str, eager: Callable[[Any, Any], bool]) -> Callable[[Any, Any], Any]:
     def call(a: Any, b: Any) -> Any:
         builder = _builder_of(a, b)
-        return at_once(a, b) if builder is None else builder.combine_masks(word, a, b)
+        return eager(a, b) if builder is None else builder.combine_masks(word, a, b)
 
     return call
 

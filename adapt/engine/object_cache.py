@@ -4,9 +4,8 @@ import hashlib
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
-
-import jax
 
 from adapt.engine.compilation_cache import cache_folder
 from adapt.engine.machine_code import describe_target, emit_object
@@ -53,7 +52,7 @@ def _key() -> str:
 
     Versions of JAX may differ in the order of operations of their derivatives.
     """
-    return _DIGEST(f"{jax.__version__} {describe_target()}".encode() + source_digest(_ROOT)).hexdigest()[:32]
+    return _DIGEST(f"{version('jax')} {describe_target()}".encode() + source_digest(_ROOT)).hexdigest()[:32]
 
 
 def source_digest(root: Path) -> bytes:

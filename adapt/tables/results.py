@@ -8,7 +8,6 @@ import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from itertools import chain
 from typing import NamedTuple
 
@@ -24,12 +23,13 @@ from adapt.solvers.adaptation import Adapted
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import NOTHING, by_subject
+from adapt.tables.in_notebook import notebook_html
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle
 from models.person.family import AnyModel, girdles_of
 from models.person.own_bones import NAMES, SIZES, with_own_sizes
 from motions.rotations import DEG
-from motions.table import ANGLES, BONES, Motions
+from motions.table import ANGLES, BONES, Motions, counted
 
 ALL_MOTIONS = "all"
 """Name, in the summary, of all motions of a subject together."""
@@ -68,20 +68,24 @@ class Tables:
 
     def __repr__(self) -> str:
         models = ", ".join(dict.fromkeys(self.parameters["model"]))
-        return f"{type(self).__name__}({self.parameters['subject'].nunique()} subjects, {models})"
+        return f"{type(self).__name__}({counted(self.parameters['subject'].nunique(), 'subject')}, {models})"
 
     def _repr_html_(self) -> str:
         """Return the mean gaps over the subjects, degrees, as a notebook shows them."""
-        summary = self.summary
-        means = summary[(summary["subject"] == "mean") & (summary["motion"] == ALL_MOTIONS)]
-        columns = ["model", "adapted", *(f"{bone}_deg" for bone in BONES), *HELD_OUT.values()]
-        return f"<p>{escape(repr(self))}</p>{means[columns].to_html(index=False, float_format='%.1f', na_rep='')}"
+        return mean_gaps_html(repr(self), self.summary)
 
     @cached_property
     def summary(self) -> pd.DataFrame:
         """Mean absolute differences by model, motion and subject: in sample by angle (Tables 6.1-6.4), held out by
         bone."""
         return summary_of(self.subjects, self.heldout)
+
+
+def mean_gaps_html(line: str, summary: pd.DataFrame) -> str:
+    """Write a line and the rows of a summary with the means over the subjects and all motions as HTML."""
+    means = summary[(summary["subject"] == "mean") & (summary["motion"] == ALL_MOTIONS)]
+    columns = ["model", "adapted", *(f"{bone}_deg" for bone in BONES), *HELD_OUT.values()]
+    return notebook_html(line, columns, means[columns].itertuples(index=False))
 
 
 def as_csv(table: pd.DataFrame) -> str:

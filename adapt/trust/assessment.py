@@ -20,17 +20,19 @@ from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problems import Problems
 from adapt.tables.before_after import before_and_after
 from adapt.tables.contact_table import contact_table
+from adapt.tables.in_notebook import notebook_html
 from adapt.tables.muscle_tables import serratus_arms
 from adapt.trust.changed_forces import force_checks
 from adapt.trust.flat_directions import FLAT_MM
 from adapt.trust.profile import Profile, profile_intervals
+from adapt.trust.thorax_plausibility import WARNING
 from adapt.trust.usable_results import flat_by_subject, plausibility_table, use_table
 from adapt.trust.weight_choice import weight_table
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, as_list
 from motions.errors import InputError
 from motions.motion_csv.typed_motions import check_motions
-from motions.table import Motions
+from motions.table import Motions, counted
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
 """Origins of an interval: +-1.96 SD within the bounds; the bounds, for a parameter at a bound; no interval."""
@@ -40,15 +42,19 @@ _ALMOST_NO_POINTS = 1e3
 weight."""
 
 
-_COLUMNS = (
-    *("model", "subject", "status"),
-    *(f"gap_{word}_deg" for word in ("before", "in_sample", "unseen_motion", "unseen_postures")),
+_GAPS = [f"gap_{kind}_deg" for kind in ("before", "in_sample", "unseen_motion", "unseen_postures")]
+
+_COLUMNS = [
+    *("model", "subject", "status", *_GAPS),
     *("noise_deg", "points_forbid", "jump_free", "at_bound", "flat", "plausibility", "warnings"),
-)
+]
 """Columns of ``trust.csv``."""
 
+_SHOWN = ["model", "subject", *_GAPS, "at_bound", "flat", "plausibility", "warnings"]
+"""Columns of ``trust.csv`` that a notebook shows."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Trust:
     """Tables of an adaptation; their columns are described at the functions that make them."""
 
@@ -64,6 +70,16 @@ class Trust:
     """``contact.csv``: one row per model and posture."""
     weights: pd.DataFrame | None
     """``weights.csv``: one row per model and w; None unless requested."""
+
+    def __repr__(self) -> str:
+        models = ", ".join(dict.fromkeys(self.subjects["model"]))
+        warned = int((self.subjects["plausibility"] == WARNING).sum())
+        subjects = counted(self.subjects["subject"].nunique(), "subject")
+        return f"Trust({subjects}, {models}: {warned} of {len(self.subjects)} outside the limits)"
+
+    def _repr_html_(self) -> str:
+        """Return gaps, degrees, and warnings by subject, as a notebook shows them."""
+        return notebook_html(repr(self), _SHOWN, self.subjects[_SHOWN].itertuples(index=False))
 
 
 def assess_trust(
@@ -180,7 +196,7 @@ def _subjects_table(motions, names, result, found, free, plausible) -> pd.DataFr
         points_forbid=list(forbid),
         jump_free=[one[subject] for one in smooth for subject in subjects],
     )
-    return table.reindex(columns=list(_COLUMNS))
+    return table.reindex(columns=_COLUMNS)
 
 
 def improvement_blocked_by_points(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:

@@ -70,8 +70,9 @@ def use_table(result: Tables, plausible: pd.DataFrame, flat: Flat | None) -> pd.
 
     Gaps are mean |simulated - measured| over all angles, degrees. Without ``flat`` the column ``flat`` is left out.
     """
-    heldout = by_subject(result.heldout) if len(result.heldout) else result.heldout.assign(gap_unseen_deg=np.nan)
-    unseen = heldout.set_index(["model", "subject", "kind"])["gap_unseen_deg"].to_dict()
+    held_out = {}
+    if len(result.heldout):
+        held_out = by_subject(result.heldout).set_index(["model", "subject", "kind"])["gap_unseen_deg"].to_dict()
     fits = result.fits.assign(
         gap_deg=result.fits[DIFFERENCES].abs().mean(axis=1).where(result.fits["status"] == status.OK)
     )
@@ -84,8 +85,8 @@ def use_table(result: Tables, plausible: pd.DataFrame, flat: Flat | None) -> pd.
         pair = one["model"], one["subject"]
         row: dict[str, object] = {"model": pair[0], "subject": pair[1]}
         row |= {"gap_before_deg": gap.get((*pair, 0)), "gap_in_sample_deg": gap.get((*pair, 1))}
-        row["gap_unseen_motion_deg"] = unseen.get((*pair, MOTION), np.nan)
-        row["gap_unseen_postures_deg"] = unseen.get((*pair, POSTURES), np.nan)
+        row["gap_unseen_motion_deg"] = held_out.get((*pair, MOTION), np.nan)
+        row["gap_unseen_postures_deg"] = held_out.get((*pair, POSTURES), np.nan)
         row["at_bound"] = ", ".join(name for name in ADAPTED if one[f"{name}_mm_at_bound"])
         row |= {} if flat is None else {"flat": flat[pair]}
         row["plausibility"] = WARNING if pair in warned else PASS

@@ -22,6 +22,7 @@ from models.effects.amplitudes import Amplitudes  # noqa: E402
 from models.effects.effect import Adjust  # noqa: E402
 from models.person.family import AnyModel  # noqa: E402
 from scripts.reference import documented_names  # noqa: E402
+from scripts.run_notebooks import with_outputs  # noqa: E402
 
 project = "girdle"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
@@ -90,6 +91,12 @@ def add_functions(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] += f"\n```{{eval-rst}}\n{''.join(map(directive, names))}```\n"
 
 
+def add_outputs(app: Sphinx, page: str, source: list[str]) -> None:
+    """Show below each cell of a notebook what it prints, returns or draws."""
+    if page.startswith("docs/notebooks/"):
+        source[0] = with_outputs(ROOT / f"{page}.md", source[0])
+
+
 def link_names(app: Sphinx, tree: nodes.document, page: str) -> None:
     """Make a link of each name in a text that is documented here."""
     known = app.env.get_domain("py").objects
@@ -141,6 +148,7 @@ def setup(app: Sphinx) -> None:
     """Register what this site does beyond its extensions."""
     app.connect("source-read", add_navigation)
     app.connect("source-read", add_functions)
+    app.connect("source-read", add_outputs)
     app.connect("doctree-resolved", link_names)
     app.connect("autodoc-process-docstring", plain)
     app.connect("autodoc-process-signature", named_types)

@@ -36,7 +36,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 
 _TRIAD = (("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
 
-STAND_IN_MM = 10.0
+ESTIMATED_LANDMARK_MM = 10.0
 """SD of SC estimated from IJ and of AC estimated from AA (``motions.landmarks``)."""
 
 GENERIC_THORAX_MM = 15.0
@@ -62,20 +62,20 @@ def person_set(
     generic: ParameterSet,
     rest: int,
     posture_names: tuple[str, ...],
-    stand_ins: Mapping[str, str],
+    estimated: Mapping[str, str],
     thorax_points_mm: Float[np.ndarray, "3 points"] | None = None,
     surfaces: ScapularSurfaces | None = None,
 ) -> PersonSet:
     """Build the set of one person from landmarks in the thorax frame (SC, AC, TS, AI), right shoulder.
 
-    ``rest``: index of the posture in which the chain closes. ``stand_ins``: estimated landmarks, each with the text
+    ``rest``: index of the posture in which the chain closes. ``estimated``: estimated landmarks, each with the text
     that says how it was estimated. ``surfaces``: surfaces of the generic and the person's scapula, which carry the
     conoid's attachment there in place of the landmarks. ValueError where a landmark was not measured at rest, where AC,
     TS and AI lie on a line, or where the thorax points give no ellipsoid, or an ellipsoid with its centre in front of
     IJ.
     """
     at_rest = _at_rest(landmarks_mm, rest, posture_names[rest])
-    rigidity = check_rigidity({name: p.T for name, p in landmarks_mm.items() if name not in stand_ins})
+    rigidity = check_rigidity({name: p.T for name, p in landmarks_mm.items() if name not in estimated})
     of_bones = bone_sizes(check_rigidity({name: p.T for name, p in landmarks_mm.items()}, (("SC", "AC"), *_TRIAD)))
     of_bones |= {pair: size for pair, size in bone_sizes(rigidity).items() if pair in of_bones}
     ts, ai = _scapula(*(of_bones[pair].value_mm for pair in _TRIAD))
@@ -100,7 +100,7 @@ def person_set(
     return PersonSet(
         girdle=girdle,
         points_mm=generic.points_mm if thorax_points_mm is None else thorax_points_mm,
-        source=_sources(generic, of_bones, SC, thorax, thorax_points_mm, posture_names[rest], stand_ins, carried_mm)
+        source=_sources(generic, of_bones, SC, thorax, thorax_points_mm, posture_names[rest], estimated, carried_mm)
         | ({} if surfaces is None else {"scapula.conoid_mm": _by_surfaces(generic)}),
         rigidity=rigidity,
         sizes=of_bones,
@@ -147,17 +147,17 @@ def _closed_at_rest(girdle: Girdle, at: Mapping[str, Float[np.ndarray, "3"]]) ->
     return closed, carried
 
 
-def _sources(generic, of_bones, SC, thorax, points, rest: str, stand_ins, carried_mm: float) -> dict[str, str]:
+def _sources(generic, of_bones, SC, thorax, points, rest: str, estimated, carried_mm: float) -> dict[str, str]:
     """Write the source of each number, one line each. Measured and derived numbers say so, with the SD at the end."""
 
     def of_generic(key: str) -> str:
         return f"assumed: of {generic.name}, not of the person ({generic.source.get(key, 'source not stated')})"
 
     def measured(what: str, sizes: list[Size], landmarks: tuple[str, ...]) -> str:
-        replaced = [f"{name} {stand_ins[name]}" for name in landmarks if name in stand_ins]
+        replaced = [f"{name} {estimated[name]}" for name in landmarks if name in estimated]
         sd = max(size.sd_mm for size in sizes)
         if replaced:
-            return f"derived: {what} {sizes[0]}; {'; '.join(replaced)}; +-{max(sd, STAND_IN_MM):.1f} mm"
+            return f"derived: {what} {sizes[0]}; {'; '.join(replaced)}; +-{max(sd, ESTIMATED_LANDMARK_MM):.1f} mm"
         return f"measured: {what} {sizes[0]}; +-{sd:.1f} mm"
 
     triad = [of_bones[pair] for pair in _TRIAD]
@@ -201,9 +201,9 @@ def _by_surfaces(generic: ParameterSet) -> str:
 
 def _notes(rigidity: Rigidity, names, rest: int, thorax: ThoraxFit | None, conoid_mm, carried_mm) -> tuple[str, ...]:
     found = [
-        f"{slip.landmark} slipped by {slip.size_mm:.0f} mm in posture {names[slip.posture]}: left out of the lengths"
-        + (", but this posture is taken for rest" if slip.posture == rest else "")
-        for slip in rigidity.slips
+        f"{one.landmark} slipped by {one.size_mm:.0f} mm in posture {names[one.posture]}: left out of the lengths"
+        + (", but this posture is taken for rest" if one.posture == rest else "")
+        for one in rigidity.outliers
     ]
     if np.isnan(rigidity.noise_mm):
         found.append("fewer than 4 whole postures: whether a landmark slipped in one cannot be told")

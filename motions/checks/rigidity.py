@@ -1,15 +1,15 @@
-"""Rigidity of bones: distances between landmarks of one bone over postures, and the landmarks that slipped.
+"""Rigidity of bones: distances between landmarks of one bone over postures, and landmark outliers.
 
-**Slips.** In posture k the distances d of the pairs differ from their mean over the other postures by
+**Outliers.** In posture k the distances d of the pairs differ from their mean over the other postures by
 r = J_k v + J_k e. J_k = dd/dx is the Jacobian by the landmarks, e the noise of the landmarks (independent, SD s per
-coordinate) and v the slip, which moves one landmark. W_k whitens J_k J_k'. Without a slip |W_k r|^2 over s^2 is
+coordinate) and v the displacement of the outlier, one landmark. W_k whitens J_k J_k'. Without one |W_k r|^2 over s^2 is
 chi-squared; s^2 comes from the other postures, so the ratio of the mean squares has an F distribution. The posture with
 the largest ratio is taken out and the rest tested again, up to a third of the postures; all postures up to the last
-significant one slipped (generalized extreme studentized deviates; Rosner, Technometrics 25 (1983) 165-172). The
-landmark with the largest evidence is named, with a prior of SD ``SLIP_MM`` per coordinate for v.
+significant one have an outlier (generalized extreme studentized deviates; Rosner, Technometrics 25 (1983) 165-172). The
+landmark with the largest evidence is named, with a prior of SD ``OUTLIER_MM`` per coordinate for v.
 
-**Invisible slips.** Distances do not show a landmark that moves at right angles to all of them, or all landmarks of a
-bone that turn or move together. In a triad, AI off the plane of the scapula hardly shows, and a common rotation never.
+**Invisible outliers.** Distances do not show a landmark that moves at right angles to all of them, or all landmarks of
+a bone that turn or move together. In a triad, AI off the plane of the scapula hardly shows, a common rotation never.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,11 +31,11 @@ FALSE_ALARM = 0.006
 """Probability, by the F distribution, that any posture of a sound trial is reported. The linearised distances are not
 quite Gaussian: simulated trials give up to three times as many, at most 2 % (scripts/research/landmarks)."""
 
-SLIP_MM = 10.0
-"""Prior SD of a slip per coordinate, in mm: fingers and markers slip by centimetres."""
+OUTLIER_MM = 10.0
+"""Prior SD of an outlier's displacement per coordinate, in mm: fingers and markers slip by centimetres."""
 
-_MOST_SLIPPED = 1.0 / 3.0
-"""Maximum share of slipped postures: if more differ, it is not clear which of them are right."""
+_LARGEST_SHARE = 1.0 / 3.0
+"""Maximum share of postures with an outlier: if more differ, it is not clear which of them are right."""
 
 _PATIENCE = 10
 """Number of postures taken out in a row without a significant one, after which the rest of a long trial is sound."""
@@ -49,33 +49,33 @@ ignored, the distances determine each other except for second-order terms."""
 
 
 @dataclass(frozen=True)
-class Slip:
+class LandmarkOutlier:
     """Landmark that is not at its place on the bone in one posture."""
 
     posture: int
     """Index of the posture, from 0."""
     landmark: str
     size_mm: float
-    """Size of the slip as far as the distances show it."""
+    """Size of the displacement as far as the distances show it."""
 
 
 @dataclass(frozen=True)
 class Rigidity:
-    """Distances over the postures, and the slips and the noise that they show."""
+    """Distances over the postures, and the outliers and the noise that they show."""
 
     pairs: tuple[tuple[str, str], ...]
     distances_mm: Float[np.ndarray, "pairs postures"]
     """Distances; NaN where one of the two landmarks was not measured."""
-    slips: tuple[Slip, ...]
+    outliers: tuple[LandmarkOutlier, ...]
     noise_mm: float
     """SD of the noise per coordinate of a landmark, from the distances; NaN below ``FEWEST_POSTURES``."""
 
     def sound(self) -> Bool[np.ndarray, "pairs postures"]:
-        """Check which distances were measured between landmarks that did not slip."""
+        """Check which distances were measured between landmarks that are no outliers."""
         good = np.isfinite(self.distances_mm)
-        for slip in self.slips:
+        for outlier in self.outliers:
             for row, pair in enumerate(self.pairs):
-                good[row, slip.posture] &= slip.landmark not in pair
+                good[row, outlier.posture] &= outlier.landmark not in pair
         return good
 
 
@@ -89,7 +89,7 @@ def rigid_pairs(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
 def check_rigidity(
     landmarks_mm: Mapping[str, Float[np.ndarray, "postures 3"]], pairs: Sequence[tuple[str, str]] | None = None
 ) -> Rigidity:
-    """Find the landmarks that slipped, posture by posture.
+    """Find the landmark outliers, posture by posture.
 
     Positions are in any frame, which may differ between postures. ``pairs``: pairs of landmarks on one bone; by default
     :func:`rigid_pairs`. A posture counts if all landmarks of the pairs were measured.
@@ -106,8 +106,8 @@ def check_rigidity(
     if len(whole) < FEWEST_POSTURES:
         return Rigidity(chosen, distances.T, (), np.nan)
     J = _slopes(between[whole] / distances[whole][..., None], ends, len(names))
-    slips, noise_mm = _slips(distances[whole], J)
-    found = tuple(Slip(int(whole[k]), names[which], size) for k, which, size in sorted(slips))
+    outliers, noise_mm = _outliers(distances[whole], J)
+    found = tuple(LandmarkOutlier(int(whole[k]), names[which], size) for k, which, size in sorted(outliers))
     return Rigidity(chosen, distances.T, found, noise_mm)
 
 
@@ -128,22 +128,24 @@ def _whitening(J: np.ndarray) -> np.ndarray:
     return np.swapaxes(vectors[:, :, -rank:] / np.sqrt(values[:, None, -rank:]), 1, 2)
 
 
-def _slips(distances: Float[np.ndarray, "postures pairs"], J: np.ndarray) -> tuple[list[tuple[int, int, float]], float]:
-    """Return posture, landmark and size of each slip, and the noise."""
+def _outliers(
+    distances: Float[np.ndarray, "postures pairs"], J: np.ndarray
+) -> tuple[list[tuple[int, int, float]], float]:
+    """Return posture, landmark and size of each outlier, and the noise."""
     W = _whitening(J)
-    taken = _slipped_postures(distances, W)
+    taken = _postures_with_outlier(distances, W)
     kept = np.setdiff1d(np.arange(len(distances)), taken)
     z = np.einsum("krm,km->kr", W, distances - distances[kept].mean(axis=0))
     variance = max(float((z[kept] ** 2).sum()) / ((len(kept) - 1) * W.shape[1]), _LEAST_NOISE_MM**2)
     return [(k, *_landmark(W[k], J[k], z[k], variance)) for k in taken], float(np.sqrt(variance))
 
 
-def _slipped_postures(distances: Float[np.ndarray, "postures pairs"], W: np.ndarray) -> list[int]:
+def _postures_with_outlier(distances: Float[np.ndarray, "postures pairs"], W: np.ndarray) -> list[int]:
     """List the postures in the order in which they are taken out, up to the last significant one."""
     rank, kept = W.shape[1], list(range(len(distances)))
     taken: list[int] = []
     last = 0
-    for _ in range(max(1, int(_MOST_SLIPPED * len(distances)))):
+    for _ in range(max(1, int(_LARGEST_SHARE * len(distances)))):
         n = len(kept)
         if n < FEWEST_POSTURES or len(taken) - last > _PATIENCE:
             break
@@ -164,14 +166,14 @@ def _exceeds_by_chance(F: float, of: int, in_rest: int) -> float:
 
 
 def _landmark(W: np.ndarray, J: np.ndarray, z: np.ndarray, variance: float) -> tuple[int, float]:
-    """Find the landmark whose slip explains a posture best, and the size of this slip."""
+    """Find the landmark whose displacement explains a posture best, and its size."""
     evidence, sizes = [], []
     for which in range(J.shape[1]):
         G = W @ J[:, which]
-        precision = G.T @ G / variance + np.eye(3) / SLIP_MM**2
+        precision = G.T @ G / variance + np.eye(3) / OUTLIER_MM**2
         pull = G.T @ z / variance
-        slip = np.linalg.solve(precision, pull)
-        evidence.append(0.5 * pull @ slip - 0.5 * np.linalg.slogdet(precision)[1])
-        sizes.append(float(np.linalg.norm(slip)))
+        moved = np.linalg.solve(precision, pull)
+        evidence.append(0.5 * pull @ moved - 0.5 * np.linalg.slogdet(precision)[1])
+        sizes.append(float(np.linalg.norm(moved)))
     best = int(np.argmax(evidence))
     return best, sizes[best]

@@ -38,7 +38,7 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
     if middle:
         found[MIDDLE] = found.pop("PX")
         del found["T8"]
-    _leave_unseen(found, whose, file)
+    _leave_out_never_seen(found, whose, file)
     _check_swap(found, whose, file)
     _leave_outliers(found, whose, file)
     _leave_misfits(found, whose, file)
@@ -63,19 +63,19 @@ def _check_swap(found: Positions, whose: str, file: str) -> None:
     raise InputError(file, None, f"{whose}: {wrong.cause}", wrong.remedy)
 
 
-def _leave_unseen(found: Positions, whose: str, file: str) -> None:
+def _leave_out_never_seen(found: Positions, whose: str, file: str) -> None:
     """Set positions to NaN where they mean that a landmark was not seen."""
-    for name, unseen in never_seen(found).items():
-        if not unseen.any():
+    for name, lost in never_seen(found).items():
+        if not lost.any():
             continue
-        x, y, z = found[name][:, np.flatnonzero(unseen)[0]]
-        was_seen = np.isfinite(found[name]).all(axis=0) & ~unseen
-        found[name][:, unseen] = np.nan
+        x, y, z = found[name][:, np.flatnonzero(lost)[0]]
+        was_seen = np.isfinite(found[name]).all(axis=0) & ~lost
+        found[name][:, lost] = np.nan
         if not was_seen.any():
             cause = f"{whose}: landmark {name} was never seen: it is at ({x:g}, {y:g}, {z:g}) in every frame"
             _leave_whole(found, (name,), cause, "Reconstruct its marker, or use another trial", file)
         elif x or y or z:  # no warning about (0, 0, 0), with which every program marks a gap
-            cause = f"{whose}: landmark {name} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(unseen))}"
+            cause = f"{whose}: landmark {name} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(lost))}"
             remedy = "It was not seen there and is left out: write gaps as empty cells, or reconstruct them"
             warn_input(InputError(file, None, cause, remedy))
 
@@ -103,8 +103,8 @@ def slipped(found: Positions) -> dict[str, list[int]]:
     if next(iter(found.values())).shape[1] > MOST_POSTURES:
         return {}
     slips: dict[str, list[int]] = {}
-    for slip in check_rigidity({name: place.T for name, place in found.items()}).slips:
-        slips.setdefault(slip.landmark, []).append(slip.posture)
+    for outlier in check_rigidity({name: place.T for name, place in found.items()}).outliers:
+        slips.setdefault(outlier.landmark, []).append(outlier.posture)
     return slips
 
 

@@ -18,10 +18,10 @@ from motions.formats.text import is_number
 from motions.landmarks.clusters.calibration import Calibration, calibrate
 from motions.landmarks.clusters.carried import CarriedTrial, carry
 from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
+from motions.landmarks.estimated_landmarks import place_gh
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm, marker_mm
 from motions.landmarks.sampled_postures import BY_GLOBAL_Y, SCAPULA_ROTATED, Labels, postures_from_landmarks
-from motions.landmarks.stand_ins import place_gh
 from motions.motion_csv.cells import SIDES, Side
 from motions.motion_csv.reading import read_motions
 from motions.table import Motions

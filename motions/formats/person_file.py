@@ -15,12 +15,12 @@ from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.text import numbers
 from motions.landmarks.clusters.calibration import Calibration
 from motions.landmarks.clusters.carried import carry
+from motions.landmarks.estimated_landmarks import with_estimated_landmarks
 from motions.landmarks.frames import humerus_angles, humerus_frame, thorax_frame, transposed
 from motions.landmarks.girdle_angles import in_thorax
 from motions.landmarks.mapping import THORAX, UNITS_MM, Mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels
-from motions.landmarks.stand_ins import with_stand_ins
 from motions.motion_csv.cells import Side
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_POSITION
@@ -35,7 +35,7 @@ SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "
 _MOST_NAMED = 10
 """Maximum number of postures in a message."""
 
-_STAND_IN_OPTIONS = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
+_OPTIONS_THAT_ESTIMATE = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class PersonLandmarks:
     """Names of the postures: motion and number, as in the file."""
     elevation_deg: Float[np.ndarray, " postures"]
     """Elevation of the humerus in degrees; NaN where not measured."""
-    stand_ins: dict[str, str]
+    estimated_landmarks: dict[str, str]
     """Estimated landmarks, and the source of each."""
     points_mm: dict[str, Float[np.ndarray, "3 points"]] = field(default_factory=dict)
     frames: "Frames | None" = None
@@ -107,7 +107,7 @@ def read_persons(
             rejected.append(error)
     if not found:
         raise rejected[0]
-    every = [name for name in ("SC", "AC") if all(name not in one.stand_ins for one in found)]
+    every = [name for name in ("SC", "AC") if all(name not in one.estimated_landmarks for one in found)]
     warn_of_unused(every, labels, str(path))
     return found, rejected
 
@@ -172,13 +172,13 @@ def _complete(
     mapping: Mapping,
 ) -> PersonLandmarks:
     """Add the estimated landmarks SC and AC, and the points of the person. Raise InputError if SC or AC is missing."""
-    placed, said = with_stand_ins(person.landmarks_mm, labels.aa_to_ac, labels.sc_from_ij)
-    for name, remedy in _STAND_IN_OPTIONS.items():
+    placed, said = with_estimated_landmarks(person.landmarks_mm, labels.aa_to_ac, labels.sc_from_ij)
+    for name, remedy in _OPTIONS_THAT_ESTIMATE.items():
         if name not in placed:
             cause = f"subject {person.subject!r}: {name} was not measured, and without it the clavicle has no length"
             raise InputError(person.file, None, cause, f"Measure {name}, or place it {remedy}")
     surfaces = {} if points is None or table is None else _points(points, table, person, frames, mapping)
-    return replace(person, landmarks_mm=placed, stand_ins=said, points_mm=surfaces, frames=frames)
+    return replace(person, landmarks_mm=placed, estimated_landmarks=said, points_mm=surfaces, frames=frames)
 
 
 def _points(

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from motions.checks.misfits import misfit
 from motions.errors import InputError
 from motions.landmarks.acromion import AcromionRotation, ac_from_aa_deg
+from motions.landmarks.estimated_landmarks import SternoclavicularOffset, with_estimated_landmarks
 from motions.landmarks.frames import (
     clavicle_frame,
     humerus_angles,
@@ -19,7 +20,6 @@ from motions.landmarks.frames import (
     transposed,
 )
 from motions.landmarks.mapping import THORAX
-from motions.landmarks.stand_ins import SternoclavicularOffset, with_stand_ins
 from motions.motion_csv.cells import Side
 from motions.motion_csv.posture_rows import MIRROR_POSITION
 from motions.rhythm import clavicle_axial_rotation
@@ -40,7 +40,7 @@ class FrameAngles:
     """Plane of elevation, elevation and axial rotation of the humerus (Y-Z'-Y'')."""
     landmarks_mm: dict[str, Float[np.ndarray, "frames 3"]]
     """Positions of the measured landmarks, thorax frame. Estimated landmarks are left out."""
-    stand_ins: dict[str, str]
+    estimated_landmarks: dict[str, str]
     """Estimated landmarks for the clavicle's angles, each with the text that says how it was estimated."""
     thorax_deg: Float[np.ndarray, "frames 3"]
     """Angles of the thorax in the global frame (``frames.thorax_angles``), as measured, so not mirrored for a left
@@ -66,7 +66,7 @@ def frame_angles(
     InputError if AC was not measured and ``aa_to_ac`` is missing, or if the landmarks are of the other shoulder.
     """
     thorax_mm = in_thorax(lab_mm, side, file)
-    placed_mm, stand_ins = with_stand_ins(thorax_mm, aa_to_ac, sc_from_ij)
+    placed_mm, estimated_landmarks = with_estimated_landmarks(thorax_mm, aa_to_ac, sc_from_ij)
     count = thorax_mm["TS"].shape[1]
     angles = np.full((6, count), np.nan)
     R_lab_thorax = thorax_frame(*(lab_mm[name] for name in THORAX))
@@ -80,13 +80,13 @@ def frame_angles(
         y_thorax = np.array([0.0, 1.0, 0.0])[:, None]
         angles[:CLAVICLE_X] = _cardan_deg(clavicle_frame(placed_mm["SC"], placed_mm["AC"], y_thorax))[:CLAVICLE_X]
     else:
-        stand_ins = {}
+        estimated_landmarks = {}
     angles[3:] = _scapula_deg(thorax_mm, file, aa_to_ac)
     humerus = np.full((3, count), np.nan)
     if all(name in thorax_mm for name in ("GH", "EM", "EL")):
         humerus = humerus_angles(humerus_frame(*(thorax_mm[name] for name in ("GH", "EM", "EL")))) * float(DEG)
     kept = {name: thorax_mm[name].T for name in LANDMARKS if name in thorax_mm}
-    return FrameAngles(angles.T, humerus.T, kept, stand_ins, thorax.T, axial)
+    return FrameAngles(angles.T, humerus.T, kept, estimated_landmarks, thorax.T, axial)
 
 
 def estimated_axial_deg(

@@ -12,10 +12,10 @@ from motions.checks.at_rest import HIGHEST_REST_DEG, Rest, doubt_of_rest, likely
 from motions.checks.trial import against_global, slipped, sound_landmarks, without_slips
 from motions.errors import InputError, warn_input
 from motions.landmarks.acromion import AcromionRotation
+from motions.landmarks.estimated_landmarks import GlenohumeralOffset, SternoclavicularOffset
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
 from motions.landmarks.mapping import THORAX
 from motions.landmarks.resampling import resample_trial
-from motions.landmarks.stand_ins import GlenohumeralOffset, SternoclavicularOffset
 from motions.motion_csv.cells import Side, landmarks_named, says_yes
 from motions.motion_csv.columns import (
     ANGLES_FROM_LANDMARKS,
@@ -137,7 +137,7 @@ def postures_from_landmarks(
     angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, rest.angles_deg, begins_deg)
     frames = replace(frames, angles_deg=angles_deg)
     table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
-    table = _with_marks(table, frames.stand_ins, rest.elevation_deg)
+    table = _with_marks(table, frames.estimated_landmarks, rest.elevation_deg)
     if labels.clavicle_z == BY_GLOBAL_Y:
         said = f"global y: axial rotation begins at {begins_deg:.1f} deg, by the thorax's y at 0"
         table = replace(table, extra=table.extra.assign(**{CLAVICLE_Z_BY: [said] * len(table.posture)}))
@@ -191,15 +191,15 @@ def _check_rest(
         warn_input(doubt_of_rest(file, f"{labels.subject}, {labels.motion}", rest, unlike, swap))
 
 
-def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: float) -> Motions:
+def _with_marks(table: Motions, placed: Dictionary[str, str], zero_at_deg: float) -> Motions:
     """Add the columns that mark angles as estimates or as computed from landmarks, and estimated landmarks."""
     count, extra = len(table.posture), table.extra.copy()
     estimated = np.isfinite(table.angles_deg[:, CLAVICLE_X])
     extra[ANGLES_FROM_LANDMARKS] = ["yes"] * count
     extra[ESTIMATED] = np.where(estimated, "yes", "")
     extra[ESTIMATE_ZERO] = np.where(estimated & np.isfinite(zero_at_deg), f"{zero_at_deg:.1f}", "")
-    if stand_ins:
-        extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in stand_ins.items())] * count
+    if placed:
+        extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in placed.items())] * count
     return replace(table, extra=extra)
 
 

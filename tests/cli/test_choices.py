@@ -12,9 +12,9 @@ from models.effects.amplitudes import OPTION
 from models.effects.basis import FULL_ELEVATION_DEG
 from models.person.contours.band import HALF_WIDTH_PX, VECTOR_PX
 from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.estimated_landmarks import GH_OFFSETS, OFFSETS
 from motions.landmarks.mapping import UNITS_MM
 from motions.landmarks.sampled_postures import CLAVICLE_Z
-from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 
 AT_HOME = {
     "WEIGHT": WEIGHT,

@@ -1,9 +1,11 @@
 """``girdle doctor``: installed packages, cached files, and missing packages with the command that installs them."""
 
+import os
 import shlex
 import subprocess
 import sys
 import tomllib
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import pytest
 from command import girdle
 
 from adapt.cli import doctor
-from adapt.engine import machine_code, object_cache
+from adapt.engine import object_cache
 from adapt.engine.machine_code import MachineCodeError
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -30,7 +32,10 @@ def declared(monkeypatch) -> list[str]:
     """Take the requirements from the current source, because the metadata of the installed package may be older."""
     extras = PROJECT["optional-dependencies"].items()
     found = [*PROJECT["dependencies"], *(f'{one.split(";")[0]}; extra == "{e}"' for e, all_ in extras for one in all_)]
-    monkeypatch.setattr(doctor, "requires", lambda _: found)
+    said = doctor.said_of
+    monkeypatch.setattr(
+        doctor, "said_of", lambda package, field: found if field == "Requires-Dist" else said(package, field)
+    )
     return found
 
 
@@ -82,16 +87,36 @@ def test_every_extra_of_a_user_has_its_use():
 
 def test_a_compiler_that_fails_is_no_failure(cache, declared, monkeypatch):
     """Without the compiler XLA runs the fits."""
-    assert doctor.machine_code_found().state == doctor.OK
 
     def fail(text):
         raise MachineCodeError("as LLVM says it")
 
-    monkeypatch.setattr(machine_code, "emit_object", fail)
+    monkeypatch.setattr(object_cache, "emit_object", fail)
     ended = girdle("doctor")
     assert ended.status == 0
     assert "none: as LLVM says it" in ended.out
     assert "machine code: XLA runs the fits, more slowly, as exactly" in ended.out.splitlines()
+
+
+def test_the_trial_is_compiled_once(cache, monkeypatch):
+    """The second check takes the trial from the cache, without JAX, whose import takes a second."""
+    assert doctor.machine_code_found().state == doctor.OK
+    monkeypatch.setitem(sys.modules, "jax.numpy", None)  # an import would fail
+    assert doctor.machine_code_found().state == doctor.OK
+
+
+def test_it_answers_without_slow_imports(tmp_path):
+    """The second call imports neither JAX nor the command line with the library that checks its options."""
+    code = (
+        "import atexit, sys; sys.argv[1:] = ['doctor']; from adapt.cli.entry import main; "
+        "atexit.register(lambda: print({'jax', 'pandas', 'pydantic'} & set(sys.modules), file=sys.stderr)); main()"
+    )
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    run = partial(subprocess.run, env=environment, capture_output=True, text=True, check=True)
+    run([sys.executable, "-c", code])
+    ended = run([sys.executable, "-c", code])
+    assert ended.stdout.splitlines()[-1] == "girdle can work."
+    assert ended.stderr == "set()\n"
 
 
 def test_what_is_kept_is_counted(cache):
@@ -99,6 +124,7 @@ def test_what_is_kept_is_counted(cache):
         return {one.what: one for one in doctor.cache_found(cache)}
 
     assert not cache.exists()
+    doctor.machine_code_found()  # whose trial is no result that a fit uses
     empty = found()["machine code of this version"]
     assert (empty.found, empty.state) == ("0 files, 0.0 MB", doctor.OPTIONAL)
     object_cache.object_code("add", lambda: "define double @add(double %a) {\n  ret double %a\n}\n")
@@ -111,6 +137,17 @@ def test_what_is_kept_is_counted(cache):
     assert stale.found == "1 files, 2.0 MB"
     subprocess.run(shlex.split(stale.remedy, comments=True), check=True)
     assert not old.exists()
+
+
+def test_files_are_counted_without_a_compiler(cache, monkeypatch):
+    def fail():
+        raise MachineCodeError("no llvmlite")
+
+    (cache / "machine").mkdir(parents=True)
+    (cache / "machine" / "add-of_some_version").write_bytes(b"x")
+    object_cache._key.cache_clear()
+    monkeypatch.setattr(object_cache, "describe_target", fail)
+    assert {one.what: one for one in doctor.cache_found(cache)}["machine code of other versions"].found[:2] == "1 "
 
 
 def test_a_cache_that_cannot_be_written_is_said(tmp_path):

@@ -17,10 +17,10 @@ from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_does_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
-from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.next_measurement import propose
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import name_causes
+from adapt.diagnosis.inference.unexplained import unexplained_share
 from adapt.diagnosis.inference.weights import Weights, probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.population_amplitudes import held_out_amplitudes
 from adapt.evaluation.held_out import adapt_with_folds
@@ -225,10 +225,10 @@ def test_noise_is_found_beside_a_smooth_course(sd):
 
 
 def test_the_share_left_over_goes_from_none_to_all():
-    assert left_over_share(3.0, 1.0, 1.0) == 0.0
-    assert left_over_share(3.0, 3.0, 1.0) == 1.0
-    assert left_over_share(3.0, 2.0, 1.0) == pytest.approx(0.5)
-    assert np.isnan(left_over_share(1.0, 1.0, 1.0))
+    assert unexplained_share(3.0, 1.0, 1.0) == 0.0
+    assert unexplained_share(3.0, 3.0, 1.0) == 1.0
+    assert unexplained_share(3.0, 2.0, 1.0) == pytest.approx(0.5)
+    assert np.isnan(unexplained_share(1.0, 1.0, 1.0))
 
 
 def test_the_first_name_of_each_cause_is_the_one_that_is_sized_and_the_others_go_by_probability():

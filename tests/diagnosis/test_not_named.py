@@ -2,11 +2,11 @@
 
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
 from adapt.diagnosis.inference.not_named import (
-    LEFT_OVER,
     NOT_NEEDED,
     OF_ESTIMATE,
     OWN_BONES_DO,
     PERSONS_DIFFER,
+    UNEXPLAINED,
     why_not_named,
 )
 from adapt.diagnosis.inference.selection import probable
@@ -25,7 +25,7 @@ def test_the_reason_is_the_step_at_which_a_cause_was_left_out():
     }
     assert GAP not in why_not_named(inclusion, causes, named, (f"{GAP}:posture",), (SPIN,), unexplained=False)
     rejected = why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=True)
-    assert set(rejected.values()) == {LEFT_OVER}
+    assert set(rejected.values()) == {UNEXPLAINED}
     computed = why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=True, known=(ESTIMATE,))
     assert computed == rejected | {SPIN: OF_ESTIMATE}
 

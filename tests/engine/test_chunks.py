@@ -49,7 +49,7 @@ def test_few_problems_are_done_at_once_and_compile_nothing():
         return x
 
     for problems in (1, 8, 9, 10):
-        np.testing.assert_array_equal(in_chunks(same, SIZE, np.arange(float(problems)), at_once=9), np.arange(problems))
+        np.testing.assert_array_equal(in_chunks(same, SIZE, np.arange(float(problems)), eager=9), np.arange(problems))
     assert shapes[:3] == [(np.ndarray, (1,)), (np.ndarray, (8,)), (np.ndarray, (9,))]
     assert [shape for _, shape in shapes[3:]] == [(SIZE,)]
 

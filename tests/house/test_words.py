@@ -91,6 +91,35 @@ def test_a_wrong_word_in_a_docstring_or_comment_is_noticed_and_a_name_is_not(tmp
     assert [one.split(":")[1] for one in words.code_findings(module)] == ["1", "4"]
 
 
+def test_a_wrong_word_in_a_message_is_noticed_and_a_key_is_not(tmp_path, monkeypatch):
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    module = tmp_path / "module.py"
+    module.write_text(
+        '"""Unexplained."""\n\nkeys = {"left over": "unseen"}\nprint(f"{1} % is left over")\n', encoding="utf-8"
+    )
+    assert [one.split(":")[1] for one in words.string_findings(module)] == ["3", "4"]
+
+
+def test_a_wrong_word_in_a_name_is_noticed(tmp_path, monkeypatch):
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    module = tmp_path / "valleys.py"
+    module.write_text("class StandIns:\n    left_over_share = 1\n\n\ndef f(at_work): ...\n", encoding="utf-8")
+    assert [one.split(":")[1] for one in words.name_findings(module)] == ["1, valleys", "1, StandIns", "5, at_work"]
+
+
+def test_a_wrong_word_in_a_template_is_noticed(tmp_path, monkeypatch):
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    template = tmp_path / "page.html"
+    template.write_text("<p>\n<p>the gap on unseen motions\n", encoding="utf-8")
+    assert list(words.text_findings(template)) == ["page.html:2: 'unseen': held out"]
+
+
+def test_every_replacement_is_a_term_of_the_glossary(monkeypatch):
+    assert set(words.REPLACED.values()) <= words.terms()
+    monkeypatch.setitem(words.REPLACED, "ravines?", "no such term")
+    assert "docs/glossary.md: no term 'no such term'" in list(words._everywhere_in_code())
+
+
 def test_a_sentence_without_a_noun_is_noticed_and_a_question_is_not(tmp_path, monkeypatch):
     monkeypatch.setattr(words, "ROOT", tmp_path)
     page, module = tmp_path / "page.md", tmp_path / "module.py"

@@ -15,10 +15,10 @@ from motions.landmarks.acromion import KOLZ
 from motions.landmarks.clusters.calibration import calibrate
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.landmarks.clusters.rigid_fit import Pose, fit_rigid, part_of_the_way
+from motions.landmarks.estimated_landmarks import KAPTEIN_GH
 from motions.landmarks.frames import humerus_frame, scapula_frame
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.sampled_postures import SLIPPED, Labels
-from motions.landmarks.stand_ins import KAPTEIN_GH
 
 EXACT = 1e-6
 """Tolerance in degrees, with positions written to 17 digits."""

@@ -11,9 +11,9 @@ from motions.errors import InputWarning
 from motions.formats.any_file import read_any
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.derived import factors_of
+from motions.landmarks.estimated_landmarks import KAPTEIN
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.sampled_postures import CLAVICLE_PLACED, SLIPPED, Labels
-from motions.landmarks.stand_ins import KAPTEIN
 from tests.helpers.laboratory import in_laboratory, simulated_trial, trc_lines
 
 
@@ -87,7 +87,7 @@ def test_a_wrong_formula_is_one_message(tmp_path, lab, mapping, said):
         read(tmp_path, lab, f"[markers]\n{mapping}\n")
 
 
-TWO_STAND_INS_DEG = 6.0
+TWO_ESTIMATED_DEG = 6.0
 """Limit between a clavicle of two estimated landmarks and the true one: each is 10 mm off a clavicle of 158 mm."""
 
 
@@ -96,7 +96,7 @@ def test_a_trial_without_sc_and_ac_has_a_clavicle_that_says_so(tmp_path, lab):
     without = {name: xyz for name, xyz in lab.items() if name not in ("SC", "AC")}
     found = read(tmp_path, without, "", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020", sc_from_ij=KAPTEIN)
     off = found.angles_deg[:, :2] - true.angles_deg[:, :2]
-    assert np.abs(off).max() < TWO_STAND_INS_DEG
+    assert np.abs(off).max() < TWO_ESTIMATED_DEG
     assert "SC" not in found.landmarks_mm
     assert found.extra[CLAVICLE_PLACED].str.contains("SC from IJ").all()
     assert found.extra[CLAVICLE_PLACED].str.contains("AC from AA").all()

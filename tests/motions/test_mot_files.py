@@ -17,7 +17,7 @@ from motions.formats.mot import read_mot, write_mot
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.sampled_postures import ESTIMATED, Labels
-from motions.landmarks.stand_ins import KAPTEIN, KAPTEIN_GH
+from motions.landmarks.estimated_landmarks import KAPTEIN, KAPTEIN_GH
 from motions.rhythm_subjects import DATA_FILE
 
 

@@ -123,7 +123,7 @@ WRONG: dict[str, tuple[Change, str]] = {
         "copy has the angles of simulated01. Is one a copy of the other?",
     ),
     "a subject twice, without a posture and in another order": (
-        lambda table: pd.concat([table, table.assign(subject="copy")[1:].sample(frac=1.0, random_state=1)]),
+        lambda table: pd.concat([table, table.assign(subject="copy").iloc[1:].sample(frac=1.0, random_state=1)]),
         "copy has the angles of simulated01",
     ),
     "a subject twice, with fewer digits": (

@@ -1,5 +1,6 @@
 """Plots on given axes: they draw the numbers of the tables."""
 
+import jax
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,11 +9,36 @@ from handmade import adaptations, motions_of, rising
 from matplotlib.figure import Figure
 from pages import R2
 
+from adapt.api import PostureFits
+from adapt.differentiable.closest_posture import PostureFit
 from adapt.output.plots import draw_angles, draw_budget, draw_heat_map, draw_inclusion, draw_positions
+from adapt.trust.assessment import Trust
 from motions import InputError
 
 MOTIONS = motions_of(rising(2, 4), motion="abduction")
 RESULT = adaptations(MOTIONS, R2)
+FITS = PostureFits(RESULT.by_model, RESULT.fits)
+TRUST = Trust(
+    RESULT,
+    pd.DataFrame(
+        {
+            "model": "R2",
+            "subject": ["s1", "s2"],
+            "gap_before_deg": 4.26,
+            "gap_in_sample_deg": 2.0,
+            "gap_unseen_motion_deg": np.nan,
+            "gap_unseen_postures_deg": 3.0,
+            "at_bound": "",
+            "flat": "",
+            "plausibility": ["pass", "warning"],
+            "warnings": ["", "a < b"],
+        }
+    ),
+    uncertainty=pd.DataFrame(),
+    plausibility=pd.DataFrame(),
+    contact=pd.DataFrame(),
+    weights=None,
+)
 
 
 @pytest.fixture
@@ -63,10 +89,46 @@ def test_the_figures_of_a_diagnosis_are_drawn(axes):
         draw_heat_map(heat, NOTHING, "flexion")
 
 
-def test_results_are_short_in_a_session_and_a_table_in_a_notebook():
-    assert repr(RESULT) == "Adaptations(2 subjects, R2)"
-    assert repr(MOTIONS) == "Motions(8 postures of 2 subjects: abduction)"
-    assert repr(R2[0]) == "ParameterSet('R2')"
-    html = RESULT._repr_html_()
-    assert html.startswith("<p>Adaptations(2 subjects, R2)</p><table")
-    assert "scapula_held_out_deg" in html
+@pytest.mark.parametrize(
+    ("result", "line"),
+    [
+        (RESULT, "Adaptations(2 subjects, R2)"),
+        (FITS, "PostureFits(2 subjects, R2)"),
+        (TRUST, "Trust(2 subjects, R2: 1 of 2 outside the limits)"),
+        (TWO, "Diagnosis(R2, 6 subjects: ac_translation (or conoid_strain) and scapulothoracic_gap)"),
+        (NOTHING, "Diagnosis(R2, 1 subject: none)"),
+        (MOTIONS, "Motions(8 postures of 2 subjects, 1 motion)"),
+        (R2[0], "ParameterSet('R2')"),
+        (R2[0].girdle, "Girdle(one girdle)"),
+        (R2[0].girdle.repeated(10), "Girdle(10 girdles)"),
+        (PostureFit(np.zeros((6, 4, 2)), np.zeros((3, 4, 2)), np.zeros((4, 2))), "PostureFit(4 x 2 postures)"),
+    ],
+    ids=lambda one: one if isinstance(one, str) else "",
+)
+def test_results_are_short_in_a_session(result, line):
+    assert repr(result) == line
+
+
+def test_a_girdle_of_any_objects_has_a_line():
+    """JAX puts tracers, None and objects of its own in the place of the arrays."""
+    girdle, said = R2[0].girdle, []
+    jax.jit(lambda one: said.append(repr(one)))(girdle)
+    for filled in (None, object(), 0):
+        said.append(repr(jax.tree.map(lambda _, filled=filled: filled, girdle)))
+    assert said == ["Girdle(one girdle)"] * 4
+
+
+@pytest.mark.parametrize(
+    ("result", "line", "cells"),
+    [
+        (RESULT, "Adaptations(2 subjects, R2)", ["scapula_held_out_deg"]),
+        (FITS, "PostureFits(2 subjects, R2)", ["R2", "clavicle_deg"]),
+        (TRUST, "Trust(2 subjects, R2: 1 of 2 outside the limits)", ["s2", "4.3", "", "warning", "a &lt; b"]),
+        (TWO, "Beyond own bones the gap of 6 shoulders", ["+ ac_translation", "1.40", "noise alone"]),
+    ],
+    ids=["adaptations", "fits", "trust", "diagnosis"],
+)
+def test_results_are_a_table_in_a_notebook(result, line, cells):
+    html = result._repr_html_()
+    assert html.startswith(f"<p>{line}")
+    assert all(f"<td>{cell}</td>" in html or f"<th>{cell}</th>" in html for cell in cells)

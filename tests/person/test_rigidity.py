@@ -35,7 +35,7 @@ CASES = 200
 
 def test_sound_landmarks_raise_few_alarms():
     rng = np.random.default_rng(0)
-    alarms = [bool(check_rigidity(noisy(moving_scapula(12, rng), rng)).slips) for _ in range(CASES)]
+    alarms = [bool(check_rigidity(noisy(moving_scapula(12, rng), rng)).outliers) for _ in range(CASES)]
     assert np.mean(alarms) <= 0.02
 
 
@@ -50,7 +50,7 @@ def test_a_slip_of_10_mm_toward_or_off_another_landmark_is_named():
         along = landmarks[other][posture] - landmarks[name][posture]
         slipped = noisy(landmarks, rng)
         slipped[name][posture] += rng.choice([-10.0, 10.0]) * along / np.linalg.norm(along)
-        named.append((posture, name) in [(s.posture, s.landmark) for s in check_rigidity(slipped).slips])
+        named.append((posture, name) in [(s.posture, s.landmark) for s in check_rigidity(slipped).outliers])
     assert np.mean(named) >= 0.95
 
 
@@ -65,7 +65,7 @@ def test_a_slip_in_any_direction_is_named_less_often(with_aa, share):
         direction = rng.standard_normal(3)
         slipped = noisy(landmarks, rng)
         slipped[name][posture] += 10.0 * direction / np.linalg.norm(direction)
-        named.append((posture, name) in [(s.posture, s.landmark) for s in check_rigidity(slipped).slips])
+        named.append((posture, name) in [(s.posture, s.landmark) for s in check_rigidity(slipped).outliers])
     assert np.mean(named) == pytest.approx(share, abs=0.05)
 
 
@@ -73,7 +73,7 @@ def test_a_slip_in_exact_landmarks_is_named_with_its_size():
     landmarks = moving_scapula(6, np.random.default_rng(2))
     along = landmarks["TS"][4] - landmarks["AI"][4]
     landmarks["AI"][4] += 10.0 * along / np.linalg.norm(along)
-    (slip,) = check_rigidity(landmarks).slips
+    (slip,) = check_rigidity(landmarks).outliers
     assert (slip.posture, slip.landmark) == (4, "AI")
     assert slip.size_mm == pytest.approx(10.0, abs=1.0)  # the part across its distances is invisible
 
@@ -83,10 +83,10 @@ def test_a_common_rotation_of_the_triad_stays_invisible():
     turned = Rotation.from_euler("Z", 20.0, degrees=True)
     for name in ("TS", "AI"):
         landmarks[name][3] = landmarks["AC"][3] + turned.apply(landmarks[name][3] - landmarks["AC"][3])
-    assert not check_rigidity(landmarks).slips
+    assert not check_rigidity(landmarks).outliers
 
 
 def test_three_postures_are_too_few_to_judge():
     found = check_rigidity(moving_scapula(3, np.random.default_rng(5)))
-    assert not found.slips
+    assert not found.outliers
     assert np.isnan(found.noise_mm)

@@ -53,4 +53,4 @@ def doctor() -> None:
     """
     from adapt.cli.doctor import print_findings  # looks up every package: not for --help
 
-    print_findings()
+    raise typer.Exit(print_findings())

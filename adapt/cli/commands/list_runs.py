@@ -7,8 +7,6 @@ import numpy as np
 from adapt.cli.choices import NO_EFFECT
 from adapt.cli.options import console, errors
 from adapt.cli.terminal.console import progress
-from adapt.evaluation.model_subjects import simulate_model_subjects
-from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from models import load_model, model_names
 from models.effects import EFFECTS, Effect
 from models.effects.amplitudes import OPTION, effect_named
@@ -33,6 +31,9 @@ def print_models() -> None:
 
 def simulate_subjects(out: Path, model: str, effect: str, subjects: int, noise_deg: float, seed: int) -> None:
     """Simulate subjects and write the files of ``girdle simulate``."""
+    from adapt.evaluation.model_subjects import simulate_model_subjects  # not for lists: the compiler and its solvers
+    from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
+
     hidden = None if effect == NO_EFFECT else effect_named(effect, OPTION, NO_EFFECT)
     record, parameters = inputs_record([], [model]), load_model(model)
     options = {"effect": effect, "subjects": subjects, "noise_deg": noise_deg, "seed": seed}
@@ -53,17 +54,17 @@ def print_effects() -> None:
     """Print the candidate effects, one line each."""
     for one in EFFECTS.values():
         scale = " / ".join(f"{value:.2g}" for value in one.prior.scale)
-        option = f"{OPTION} {one.name}={_places(one)} in {_unit(one)}"
+        option = f"{OPTION} {one.name}={amplitude_places(one)} in {amplitude_unit(one)}"
         size = scale if one.size_unit == NO_UNIT else f"{scale} {one.size_unit}"
         console.print(f"{one.name:28} {one.what}; size {size}; {option}", soft_wrap=True)
 
 
-def _places(effect: Effect) -> str:
+def amplitude_places(effect: Effect) -> str:
     """Write a placeholder for the amplitude of each direction: 'ALONG,UP,BACK'."""
     return ",".join(direction.upper().replace(" ", "_") for direction in effect.directions)
 
 
-def _unit(effect: Effect) -> str:
+def amplitude_unit(effect: Effect) -> str:
     """Write the unit of an amplitude in words, with the elevation at which an amplitude over elevation holds."""
     over = isinstance(effect.basis, OverElevation)
     if effect.unit == NO_UNIT:

@@ -6,9 +6,9 @@ from pathlib import Path
 from motions.errors import InputError, named
 from motions.formats.any_file import elevations
 from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.estimated_landmarks import GH_OFFSETS, OFFSETS
 from motions.landmarks.mapping import UNITS_MM
 from motions.landmarks.sampled_postures import Labels
-from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 from motions.motion_csv.cells import SIDES
 
 

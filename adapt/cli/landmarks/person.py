@@ -126,7 +126,7 @@ def _surfaces(person: PersonLandmarks, files: SurfaceFiles, mapping: Mapping) ->
     measured there, or lies far off the surface, which is then in another frame.
     """
     at = {name: person.landmarks_mm[name][:, :1] for name in ("AC", "TS", "AI")}
-    missing = [name for name, place in at.items() if name in person.stand_ins or not np.isfinite(place).all()]
+    missing = [name for name, place in at.items() if name in person.estimated_landmarks or not np.isfinite(place).all()]
     if missing:
         cause = f"{' and '.join(missing)} were not measured in {person.postures[0]}, where the surface is"
         raise InputError(
@@ -155,7 +155,7 @@ def _built(
     thorax_points_mm = person.points_mm.get("thorax")
     try:
         built = person_set(
-            person.landmarks_mm, generic, at, person.postures, person.stand_ins, thorax_points_mm, surfaces
+            person.landmarks_mm, generic, at, person.postures, person.estimated_landmarks, thorax_points_mm, surfaces
         )
         return built, described_contours(person.points_mm)
     except ValueError as error:

@@ -16,8 +16,8 @@ from adapt.cli.local_page.what_was_read import subjects_read, warnings
 from models import model_names
 from motions import InputError
 from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.estimated_landmarks import OFFSETS
 from motions.landmarks.mapping import MARKERS, UNITS_MM
-from motions.landmarks.stand_ins import OFFSETS
 
 READING = "reading"
 """Value of ``busy`` while the page reads files and runs no command on the motions."""

@@ -47,7 +47,7 @@ _ERROR = 0.01
 """Significance level: frequency with which a rotation with this smallest noise is taken for a computed one."""
 
 
-class _LeftOver(NamedTuple):
+class _Unexplained(NamedTuple):
     variance: float
     freedom: int
 
@@ -68,31 +68,31 @@ def axial_is_computed(shoulders: Shoulders) -> bool:
     if not sequences:
         return False
     others = np.delete(shoulders.angles, AXIAL, axis=0)
-    axial = _left_over(shoulders.angles[AXIAL], others, sequences)
-    each = [_left_over(one, np.delete(others, k, axis=0), sequences) for k, one in enumerate(others)]
+    axial = _unexplained(shoulders.angles[AXIAL], others, sequences)
+    each = [_unexplained(one, np.delete(others, k, axis=0), sequences) for k, one in enumerate(others)]
     noisy = [one for one in each if one.freedom > 0 and one.variance > 0.0]
     return bool(axial.freedom > 0 and noisy) and _p_value(axial, min(noisy)) < _ERROR
 
 
-def _p_value(axial: _LeftOver, least: _LeftOver) -> float:
+def _p_value(axial: _Unexplained, least: _Unexplained) -> float:
     from scipy.special import fdtr  # slow import that not every command needs
 
     ratio = axial.variance / (_LEAST_NOISE**2 * least.variance)
     return float(fdtr(INDEPENDENT * axial.freedom, INDEPENDENT * least.freedom, ratio))
 
 
-def _left_over(
+def _unexplained(
     angle: Float[np.ndarray, " rows"],
     others: Float[np.ndarray, "others rows"],
     sequences: Sequence[Int[np.ndarray, " own"]],
-) -> _LeftOver:
+) -> _Unexplained:
     """Compute the variance (rad^2) of third differences of an angle that no polynomial in the other angles explains."""
     terms = _polynomial(others)
     A = np.concatenate([np.diff(terms[:, rows], ORDER, axis=1).T for rows in sequences])
     b = np.concatenate([np.diff(angle[rows], ORDER) for rows in sequences])
     solution, _, rank, _ = np.linalg.lstsq(A, b)
     freedom = len(b) - int(rank)
-    return _LeftOver(float(np.sum((b - A @ solution) ** 2)) / max(1, freedom), freedom)
+    return _Unexplained(float(np.sum((b - A @ solution) ** 2)) / max(1, freedom), freedom)
 
 
 def _polynomial(angles: Float[np.ndarray, "n rows"]) -> Float[np.ndarray, "terms rows"]:

@@ -8,7 +8,7 @@ from adapt.diagnosis.inference.selection import LEAST_PROBABILITY
 
 NOT_NEEDED = "the causes that are named do without it"
 OWN_BONES_DO = "own bones predict held-out motions as well"
-LEFT_OVER = "all persons share a misfit that no listed cause explains, so this cause is not trusted"
+UNEXPLAINED = "all persons share a misfit that no listed cause explains, so this cause is not trusted"
 OF_ESTIMATE = "a computed axial rotation has a zero of its own"
 PERSONS_DIFFER = "persons differ in it by as much as they have in common"
 
@@ -36,7 +36,7 @@ def why_not_named(
         if is_its_zero(cause, known):
             found[cause] = OF_ESTIMATE
         elif unexplained:
-            found[cause] = LEFT_OVER
+            found[cause] = UNEXPLAINED
         elif cause in before:
             found[cause] = PERSONS_DIFFER if cause in same else OWN_BONES_DO
         else:

@@ -433,7 +433,7 @@ class Search:
         return max(self.usable, key=lambda node: node.value)
 
     @property
-    def left_over_share(self) -> float:
+    def unexplained_share(self) -> float:
         """Smooth variance along the motions with the best set, as a share of the variance where nothing is named."""
         best, *nothing = self._common
         return best.smooth_deg2 / nothing[0].smooth_deg2 if nothing else 1.0

@@ -23,7 +23,7 @@ REJECTED = 0.9
 """Probability of something common to all persons beside the best causes, from which these causes count as rejected.
 Simulated worlds have 0.99 or more with a cause outside the list, and 0.6 or less with listed causes only."""
 
-_MOST_LEFT_OVER = 0.5
+_MOST_UNEXPLAINED = 0.5
 """Largest share of the smooth variance that rejected causes may leave if some of them are still to stand."""
 
 _WRONG_ANGLES_DEG = 1.0
@@ -83,7 +83,7 @@ def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion
     known = set(map(cause_of, search.known))
     if angles_contradict_landmarks(search):
         return tuple(name for name in named if cause_of(name) in known)
-    little = search.left_over_share <= _MOST_LEFT_OVER
+    little = search.unexplained_share <= _MOST_UNEXPLAINED
     sure = {*seen, *known}
     if little:
         sizes = amplitudes(search, named, seen)

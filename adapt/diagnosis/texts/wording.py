@@ -1,26 +1,17 @@
 """Verdict of a diagnosis in one sentence of plain English, and the format of its numbers."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from adapt.diagnosis.result import (
-    ADAPTED_STEP,
-    ALL,
-    BASE,
-    EFFECT,
-    NOISE,
-    NONE,
-    OWN_BONES,
-    Cause,
-    CauseAmplitude,
-    Diagnosis,
-    GapKind,
-    Gaps,
-    Interval,
-    Verdict,
-)
+from adapt.diagnosis.keys import ADAPTED_STEP, ALL, BASE, EFFECT, NOISE, NONE, OWN_BONES
 from adapt.tables.positions_table import ADAPTED, WITH_CAUSES
 from models.effects.effect import cause_of
+
+if TYPE_CHECKING:  # the result imports this module, to show itself
+    from adapt.diagnosis.result import Cause, CauseAmplitude, Diagnosis, GapKind, Gaps, Interval, Verdict
 
 MOST_WORDS = 30
 """Largest number of words of the sentence."""

@@ -19,10 +19,10 @@ from motions.checks.never_seen import never_seen_of_cluster
 from motions.checks.trial import frames_of, sound_landmarks
 from motions.errors import InputError, warn_input
 from motions.landmarks.clusters.rigid_fit import FEWEST, Pose, fit_rigid, mean_shape, part_of_the_way
+from motions.landmarks.estimated_landmarks import GlenohumeralOffset, place_gh
 from motions.landmarks.frames import thorax_frame
 from motions.landmarks.mapping import THORAX, Mapping
 from motions.landmarks.markers import Markers, check_size, landmarks_there_mm, marker_mm, millimetres
-from motions.landmarks.stand_ins import GlenohumeralOffset, place_gh
 from motions.motion_csv.cells import Side
 from motions.rotations import DEG
 

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from motions.landmarks.clusters.carried import CarriedTrial
+from motions.landmarks.estimated_landmarks import GlenohumeralOffset
 from motions.landmarks.resampling import resample
-from motions.landmarks.stand_ins import GlenohumeralOffset
 from motions.motion_csv.columns import HUMERUS_PLACED, SCAPULA_FROM
 from motions.table import Motions
 

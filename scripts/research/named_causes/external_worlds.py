@@ -24,7 +24,7 @@ import pandas as pd
 import typer
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.inference.left_over import left_over_share
+from adapt.diagnosis.inference.unexplained import unexplained_share
 from adapt.diagnosis.result import ALL, NONE, Diagnosis
 from models import ParameterSet, load_model
 from models.effects import EFFECTS, Effect
@@ -110,7 +110,7 @@ def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) 
     """Compute the true unexplained share: the part of the adapted gap beyond noise left by own bones, no causes."""
     levels = found.gaps.hardest
     left_deg = unseen_gaps_deg(without_causes, model, NO_EFFECTS)[ALL]
-    return left_over_share(levels["adapted"][ALL].value, left_deg, levels["noise_floor"][ALL].value)
+    return unexplained_share(levels["adapted"][ALL].value, left_deg, levels["noise_floor"][ALL].value)
 
 
 def main(

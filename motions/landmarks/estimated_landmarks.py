@@ -33,7 +33,7 @@ OFFSETS = {"kaptein1999": KAPTEIN}
 """Offsets of SC by the name that --sc-from-ij takes."""
 
 
-def with_stand_ins(
+def with_estimated_landmarks(
     thorax_mm: Positions, aa_to_ac: AcromionRotation | None, sc_from_ij: SternoclavicularOffset | None
 ) -> tuple[Positions, dict[str, str]]:
     """Add estimates of SC and AC, if not measured and if an offset or rotation is given; return texts that state them.

@@ -10,7 +10,7 @@ _SURELY = 3.0
 """Number of SDs of the logarithm of a variance ratio above which the gap is more than noise."""
 
 
-def left_over_share(adapted_deg: float, with_causes_deg: float, noise_deg: float) -> float:
+def unexplained_share(adapted_deg: float, with_causes_deg: float, noise_deg: float) -> float:
     """Compute the unexplained share of the adapted gap beyond noise; NaN where there is no such gap."""
     beyond = adapted_deg - noise_deg
     return float(np.clip((with_causes_deg - noise_deg) / beyond, 0.0, 1.0)) if beyond > 0 else np.nan
