@@ -15,9 +15,9 @@ from motions.formats.angle_table import motions_from_table, table_from_motions
 from motions.formats.any_file import read_any
 from motions.formats.mot import read_mot, write_mot
 from motions.landmarks.acromion import KOLZ
+from motions.landmarks.estimated_landmarks import KAPTEIN, KAPTEIN_GH
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.sampled_postures import ESTIMATED, Labels
-from motions.landmarks.estimated_landmarks import KAPTEIN, KAPTEIN_GH
 from motions.rhythm_subjects import DATA_FILE
 
 
