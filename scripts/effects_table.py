@@ -15,7 +15,7 @@ HEAD = "|effect|directions|unit|\n|---|---|---|\n"
 """Head of the table, without blanks, of which each would count as a word."""
 
 
-SHORT = {", at 150 degrees of elevation": " at 150°", " a 30 deg": "/30°"}
+SHORT = {", at 150 degrees of elevation": " at 150°", " per 30 deg": "/30°"}
 """Words of units, and their signs in the table."""
 
 _MOST_LETTERS = 50
