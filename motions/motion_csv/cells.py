@@ -130,11 +130,9 @@ def landmarks_named(text: str) -> tuple[str, ...]:
 def check_marks(row: Row) -> None:
     """Raise InputError if a cell that says yes or no, or names landmarks that slipped, has another word."""
     for column in (ESTIMATED, ANGLES_FROM_LANDMARKS):
-        text = row.cells.get(column, "")
-        if says_yes(text) is None:
+        if (text := row.cells.get(column)) and says_yes(text) is None:
             raise row.error(f"{column} is {_quoted(text)}", "Write yes or no")
-    text = row.cells.get(SLIPPED, "")
-    if not _NAMED.issuperset(landmarks_named(text)):
+    if (text := row.cells.get(SLIPPED)) and not _NAMED.issuperset(landmarks_named(text)):
         remedy = "Name the landmarks that slipped, such as AC TS, or empty the cell"
         raise row.error(f"{SLIPPED} is {_quoted(text)}, no landmark", remedy)
 
