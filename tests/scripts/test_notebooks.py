@@ -1,5 +1,6 @@
 """The notebooks are up to date with their pages, and run from the first cell to the last."""
 
+import matplotlib.pyplot as plt
 import pytest
 
 from scripts import notebooks, run_notebooks
@@ -34,6 +35,7 @@ def test_a_notebook_runs_and_the_site_shows_its_outputs(page):
 
 
 def test_a_cell_shows_what_it_prints_and_its_last_value():
+    plt.close("all")  # figures of other tests
     names = {}
     assert run_notebooks._cell("print('<1>')\nx = 2\nx", names) == "".join(
         f'<div class="highlight"><pre>{text}</pre></div>' for text in ("&lt;1&gt;\n", "2")
