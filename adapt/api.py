@@ -191,7 +191,7 @@ def adapt_subjects(
         raise InputError("own_bones", None, f"this is {own_bones!r}", remedy)
     if own_bones is not False:
         check_own_bones(effects, objective, thorax_downweighting, weight)
-    as_asked = (weight, objective, progress, held_out, dtype, effects, thorax_downweighting, folds, own_bones)
+    as_asked = (weight, objective, held_out, dtype, effects, thorax_downweighting, own_bones, folds, progress)
     result = adapt_checked(motions, models, *as_asked)
     if OBJECTIVES[objective].landmarks and (without := without_landmarks(result.parameters)):
         cause = f"no positions of TS and AI: {listed(without, _MOST_NAMED)}"
@@ -202,15 +202,15 @@ def adapt_subjects(
 def adapt_checked(
     motions: Motions,
     models: AnyModel | Sequence[AnyModel],
-    weight: float = WEIGHT,
-    objective: str = DEFAULT_OBJECTIVE,
-    progress: Progress = lambda _: None,
-    held_out: Collection[str] | None = None,
-    dtype: DTypeLike = np.float64,
-    effects: Amplitudes = NO_EFFECTS,
-    thorax_downweighting: float = 1.0,
+    weight: float,
+    objective: str,
+    held_out: Collection[str] | None,
+    dtype: DTypeLike,
+    effects: Amplitudes,
+    thorax_downweighting: float,
+    own_bones: bool | OwnSDs | People,
     folds: Callable[[Motions], list[Fold]] = motions_or_thirds,
-    own_bones: bool | OwnSDs | People = False,
+    progress: Progress = lambda _: None,
 ) -> Adaptations:
     """Adapt as :func:`adapt_subjects` does, for a part of the subjects of a run with checked motions and options.
 

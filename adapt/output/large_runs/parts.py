@@ -70,11 +70,11 @@ class Work:
             self.models,
             self.weight,
             self.objective,
-            held_out=self.held_out,
-            dtype=dtype,
-            effects=self.effects,
-            thorax_downweighting=self.thorax_downweighting,
-            own_bones=False if self.people is None else self.people,
+            self.held_out,
+            dtype,
+            self.effects,
+            self.thorax_downweighting,
+            False if self.people is None else self.people,
         )
         content = io.BytesIO()
         arrays = _arrays(result, [model.name for model in self.models])
