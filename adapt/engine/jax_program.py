@@ -36,7 +36,7 @@ def per_problem(function: Callable[..., Any]) -> Callable[..., Any]:
     Arguments and results are trees of arrays. An array of SIMD values is a list of its components, or a single value.
     """
 
-    def text(*trees: Any) -> Any:
+    def kernel_function(*trees: Any) -> Any:
         leaves, tree = jax.tree.flatten(trees, is_leaf=_is_array)
         builder = next((x.builder for x in map(_first, leaves) if isinstance(x, SimdValue)), None)
         if builder is None:
@@ -49,7 +49,7 @@ def per_problem(function: Callable[..., Any]) -> Callable[..., Any]:
         every = [_each(builder.broadcast, x).tolist() for x in found]
         return jax.tree.unflatten(jax.tree.structure(result), every)
 
-    return text
+    return kernel_function
 
 
 def _dtype(x: Any, number: np.dtype) -> np.dtype:

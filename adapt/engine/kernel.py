@@ -1,6 +1,6 @@
 """Kernel: one function run on a batch of problems, as machine code of this processor or by XLA.
 
-The function ``text`` (such as ``adapt.solvers.newton.subject.iterate``) is called once with the values of
+The kernel function (such as ``adapt.solvers.newton.subject.iterate``) is called once with the values of
 ``adapt.engine.simd_values``; LLVM compiles the resulting instructions to object code, which is cached between runs.
 Threads, one per core, run it over blocks of eight problems, of sixteen in float32. The code contains no lengths, so one
 compilation serves every batch. XLA compiles the same function where llvmlite is missing or fails, or where the function
@@ -63,19 +63,19 @@ class _ArraySpec:
 
 
 class Kernel:
-    """Function ``text`` to be compiled; ``inputs`` (one tree per argument) and ``outputs`` are trees of words
+    """Kernel ``function`` to be compiled; ``inputs`` (one tree per argument) and ``outputs`` are trees of words
     (``_ArraySpec``).
 
     All computations are in float32 where one of the given arrays is float32, else in float64.
     """
 
-    def __init__(self, name: str, text: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any, chunk: int):
+    def __init__(self, name: str, function: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any, chunk: int):
         """Set up a kernel; ``chunk``: number of problems that XLA works on at a time."""
-        self.name, self.text, self.inputs, self.chunk = name, text, inputs, chunk
+        self.name, self.function, self.inputs, self.chunk = name, function, inputs, chunk
         self._inputs = [_ArraySpec(words) for words in jax.tree.leaves(inputs)]
         words, self._result = jax.tree.flatten(outputs)
         self._outputs = [_ArraySpec(one) for one in words]
-        self._program = compiled(text)
+        self._program = compiled(function)
         self._functions: dict[type, tuple[Any, int]] = {}
         self._left_to_xla: set[type] = set()
 
@@ -133,7 +133,7 @@ class Kernel:
         return sizes
 
     def _run(self, arrays: list[np.ndarray], sizes: list[int], number: type) -> None:
-        function, rows = self._function(number)
+        function, rows = self._compiled_function(number)
         pointers = (ctypes.c_void_p * len(arrays))(*(x.__array_interface__["data"][0] for x in arrays))
         lengths = (ctypes.c_int64 * len(sizes))(*sizes)
         blocks = -(-sizes[0] // simd_width(number))
@@ -154,13 +154,13 @@ class Kernel:
         """Check whether there is machine code for numbers of this type; try once to compile it."""
         if number not in self._functions and number not in self._left_to_xla:
             try:
-                self._function(number)
+                self._compiled_function(number)
             except MachineCodeError as error:
                 self._left_to_xla.add(number)
                 _note_fallback(str(error))
         return number in self._functions
 
-    def _function(self, number: type) -> tuple[Any, int]:
+    def _compiled_function(self, number: type) -> tuple[Any, int]:
         """Return the function, and the count of numbers that it keeps in scratch per problem and place of an axis."""
         if number not in self._functions:
             name = f"{self.name}_{number.__name__}"
@@ -181,7 +181,7 @@ class Kernel:
                 rows = builder.argument_rows(number, spec.rows, spec.axis, spec.kind is bool)
                 values = rows if spec.axis is not None else [row.load("0") for row in rows]
                 arguments.append(values if spec.has_components else values[0])
-            results = self.text(*jax.tree.unflatten(jax.tree.structure(self.inputs), arguments))
+            results = self.function(*jax.tree.unflatten(jax.tree.structure(self.inputs), arguments))
             outputs = zip(self._outputs, self._result.flatten_up_to(results), strict=True)
             for number, (spec, result) in enumerate(outputs, len(self._inputs)):
                 _write_result(builder, number, spec, result)

@@ -117,7 +117,7 @@ def test_three_engines_in_float32():
     given = as_type((girdle_, target, angle_weights(measured), start, np.full(count, 30.0)), np.float32)
     found = postures_kernel.native(*given)
     with np.errstate(all="ignore"):
-        eager = postures_kernel.text(*given)
+        eager = postures_kernel.function(*given)
     for other in (eager, postures_kernel.by_jax(*given)):
         assert other.angles.dtype == found.angles.dtype == np.float32
         both = found.converged & other.converged

@@ -79,7 +79,7 @@ def posture_arguments(iterations: float = 30.0):
 def by_three_engines(kernel: Kernel, given):
     """Run a kernel by machine code, by NumPy (its Python text), and by XLA."""
     with np.errstate(all="ignore"):
-        return kernel.native(*given), kernel.text(*given), kernel.by_jax(*given)
+        return kernel.native(*given), kernel.function(*given), kernel.by_jax(*given)
 
 
 def test_subjects_by_three_engines(data):
