@@ -31,7 +31,7 @@ from adapt.diagnosis.inference.unexplained import more_than_noise, unexplained_s
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
-from adapt.diagnosis.marks import declared_effects, without_slips
+from adapt.diagnosis.marks import declared_effects, without_outliers
 from adapt.diagnosis.position_findings import PositionTask, judge_positions
 from adapt.diagnosis.result import (
     ADAPTED_STEP,
@@ -79,7 +79,7 @@ def diagnose(
 ) -> dict[str, Diagnosis]:
     """Diagnose the gap of all subjects together, with each model separately; return the diagnoses by model name.
 
-    Postures that are marked with a slip are left out.
+    Postures that are marked with a landmark outlier are left out.
 
     ``noise_deg``: SD of one measured angle; by default it is estimated. ``effects``: the candidates; by default all
     listed effects and the doubtful numbers of each model. ``adaptations``: known adaptations of these models to these
@@ -96,7 +96,7 @@ def diagnose(
     if effects is not None and not effects:
         raise ValueError("effects: give one candidate or more")
     models = as_list(models)
-    clean, slips = without_slips(motions)
+    clean, outliers = without_outliers(motions)
     every, left_out = usable(clean)
     for one in unique_sets(models, every.subjects)[0]:
         check_own_effects(effects or (), one.girdle)
@@ -116,7 +116,7 @@ def diagnose(
                 computed,
                 task,
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
-            ).diagnose(left_out, slips, declared, noise_deg)
+            ).diagnose(left_out, outliers, declared, noise_deg)
             for model in models
         }
 
@@ -145,7 +145,7 @@ class _Study:
     def diagnose(
         self,
         left_out: dict[str, str],
-        slips: tuple[str, ...],
+        outliers: tuple[str, ...],
         declared: tuple[str, ...],
         noise_deg: float | None,
     ) -> Diagnosis:
@@ -195,7 +195,7 @@ class _Study:
             model=self.model.name,
             subjects=shoulders.subjects,
             left_out=left_out,
-            slips=slips,
+            outliers=outliers,
             persons=shoulders.persons,
             kinds=shoulders.kinds,
             postures=len(self.motions.posture),

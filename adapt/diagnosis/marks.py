@@ -1,8 +1,9 @@
-"""Marks in a motion file: effects that its angles have by the way they were made, and landmark outliers (slips).
+"""Marks in a motion file: effects that its angles have by the way they were made, and landmark outliers.
 
-A slip turns one bone in one posture. It cannot be a candidate: candidates are judged on motions and persons that they
-were not fitted to, and a slip in one posture predicts nothing about other postures. ``girdle convert`` finds slips in
-the distances between landmarks, which no other cause changes, and marks them; a diagnosis leaves these postures out.
+A landmark outlier turns one bone in one posture. It cannot be a candidate: candidates are judged on motions and persons
+that they were not fitted to, and an outlier in one posture predicts nothing about other postures. ``girdle convert``
+finds outliers in the distances between landmarks, which no other cause changes, and marks them; a diagnosis leaves
+these postures out.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ from motions.landmarks.sampled_postures import (
     SCAPULA_ROTATED,
     is_marked,
     is_yes,
-    marked_slips,
+    marked_outliers,
 )
 from motions.table import Motions
 
@@ -54,13 +55,13 @@ def scapula_is_carried(motions: Motions) -> bool:
     return bool(is_marked(motions, SCAPULA_FROM, ".").any())
 
 
-def without_slips(motions: Motions) -> tuple[Motions, tuple[str, ...]]:
-    """Leave out the postures that are marked with a slip, and describe each slip in a phrase."""
-    slips = marked_slips(motions)
-    if not slips:
+def without_outliers(motions: Motions) -> tuple[Motions, tuple[str, ...]]:
+    """Leave out the postures that are marked with a landmark outlier, and describe each outlier in a phrase."""
+    outliers = marked_outliers(motions)
+    if not outliers:
         return motions, ()
     named = tuple(
         f"{names} slipped in {motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
-        for row, names in slips.items()
+        for row, names in outliers.items()
     )
-    return motions.select(~np.isin(np.arange(len(motions.posture)), list(slips))), named
+    return motions.select(~np.isin(np.arange(len(motions.posture)), list(outliers))), named

@@ -287,7 +287,7 @@ class Diagnosis:
     subjects: tuple[str, ...]
     left_out: dict[str, str]
     """Subjects with too little data, each with the reason."""
-    slips: tuple[str, ...]
+    outliers: tuple[str, ...]
     """Postures left out because of a landmark outlier, one phrase each."""
     persons: int
     """Number of persons; left and right shoulder of one person count once."""

@@ -32,7 +32,7 @@ FALSE_ALARM = 0.006
 quite Gaussian: simulated trials give up to three times as many, at most 2 % (scripts/research/landmarks)."""
 
 OUTLIER_MM = 10.0
-"""Prior SD of an outlier's displacement per coordinate, in mm: fingers and markers slip by centimetres."""
+"""Prior SD of an outlier's displacement per coordinate, in mm: fingers and markers may be off by centimetres."""
 
 _LARGEST_SHARE = 1.0 / 3.0
 """Maximum share of postures with an outlier: if more differ, it is not clear which of them are right."""

@@ -18,8 +18,8 @@ NEEDED = ("IJ", "PX", "C7", "T8", MIDDLE, "TS", "AI")
 """Landmarks without which there is no angle."""
 
 MOST_POSTURES = 100
-"""Maximum number of palpated postures in which slips of millimetres are searched. A trial has more frames, among which
-an outlier of less than ``motions.checks.outliers.RIGID_MM`` is lost."""
+"""Maximum number of palpated postures in which outliers of millimetres are searched. A trial has more frames, among
+which an outlier of less than ``motions.checks.outliers.RIGID_MM`` is lost."""
 
 _MOST_NAMED = 8
 """Maximum number of runs of frames in a message."""
@@ -102,16 +102,16 @@ def slipped(found: Positions) -> dict[str, list[int]]:
     """Find the landmarks of clavicle and scapula that slipped by millimetres, and their palpated postures, from 0."""
     if next(iter(found.values())).shape[1] > MOST_POSTURES:
         return {}
-    slips: dict[str, list[int]] = {}
+    outliers: dict[str, list[int]] = {}
     for outlier in check_rigidity({name: place.T for name, place in found.items()}).outliers:
-        slips.setdefault(outlier.landmark, []).append(outlier.posture)
-    return slips
+        outliers.setdefault(outlier.landmark, []).append(outlier.posture)
+    return outliers
 
 
-def without_slips(found: Positions, slips: Mapping[str, list[int]], whose: str, file: str) -> Positions:
+def without_outliers(found: Positions, outliers: Mapping[str, list[int]], whose: str, file: str) -> Positions:
     """Set positions to NaN where a landmark slipped, with an InputWarning."""
     left = dict(found)
-    for name, frames in slips.items():
+    for name, frames in outliers.items():
         where = frames_of(np.array(frames))
         remedy = "It is left out there: look at the marker"
         warn_input(InputError(file, None, f"{whose}: {name} slipped in {where}", remedy))

@@ -9,7 +9,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from motions.checks.at_rest import HIGHEST_REST_DEG, Rest, doubt_of_rest, likely_swap, lowest_frames, unlike_rest
-from motions.checks.trial import against_global, slipped, sound_landmarks, without_slips
+from motions.checks.trial import against_global, slipped, sound_landmarks, without_outliers
 from motions.errors import InputError, warn_input
 from motions.landmarks.acromion import AcromionRotation
 from motions.landmarks.estimated_landmarks import GlenohumeralOffset, SternoclavicularOffset
@@ -62,7 +62,7 @@ def is_yes(motions: Motions, column: str) -> Bool[np.ndarray, " postures"]:
     return np.array([says_yes(str(cell)) is True for cell in motions.extra[column]], bool)
 
 
-def marked_slips(motions: Motions) -> dict[int, str]:
+def marked_outliers(motions: Motions) -> dict[int, str]:
     """Return the landmarks marked as outliers, by row, separated by spaces."""
     marks = motions.extra[SLIPPED].to_numpy(str) if SLIPPED in motions.extra else ()
     by_row = {row: " ".join(landmarks_named(cell)) for row, cell in enumerate(marks)}
@@ -74,7 +74,7 @@ def measured_places_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 postu
     found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
     for name, place in found.items():
         place[:, is_marked(motions, CLAVICLE_PLACED, f"{name} from")] = np.nan
-    for row, names in marked_slips(motions).items():
+    for row, names in marked_outliers(motions).items():
         for name in filter(found.__contains__, names.split()):
             found[name][:, row] = np.nan
     return found
@@ -125,9 +125,9 @@ def postures_from_landmarks(
     are left out (``motions.checks.trial``), and where the angles with the arm lowest are unlike a person's at rest.
     """
     sound_mm = sound_landmarks(lab_mm, f"{labels.subject}, {labels.motion}", file)
-    slips = {} if carried else slipped(sound_mm)
+    outliers = {} if carried else slipped(sound_mm)
     if labels.at_deg:
-        sound_mm = without_slips(sound_mm, slips, f"{labels.subject}, {labels.motion}", file)
+        sound_mm = without_outliers(sound_mm, outliers, f"{labels.subject}, {labels.motion}", file)
     frames = _frames(sound_mm, labels, file)
     rest = lowest_frames(frames.angles_deg, frames.humerus_deg[:, 1])
     _check_rest(sound_mm, frames, rest, labels, file)
@@ -141,8 +141,8 @@ def postures_from_landmarks(
     if labels.clavicle_z == BY_GLOBAL_Y:
         said = f"global y: axial rotation begins at {begins_deg:.1f} deg, by the thorax's y at 0"
         table = replace(table, extra=table.extra.assign(**{CLAVICLE_Z_BY: [said] * len(table.posture)}))
-    if slips and not labels.at_deg:
-        table = replace(table, extra=table.extra.assign(**{SLIPPED: _marks(slips, len(table.posture))}))
+    if outliers and not labels.at_deg:
+        table = replace(table, extra=table.extra.assign(**{SLIPPED: _marks(outliers, len(table.posture))}))
     measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= FEWEST_ANGLES
     if not measured.any():
         cause = f"no posture has {FEWEST_ANGLES} angles: landmarks are missing in every one"
@@ -209,9 +209,9 @@ def _gaps(lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], frames: Bool[n
     return [name for name in names if name in lab_mm and np.isnan(lab_mm[name][:, frames]).any()]
 
 
-def _marks(slips: Dictionary[str, Sequence[int]], count: int) -> list[str]:
+def _marks(outliers: Dictionary[str, Sequence[int]], count: int) -> list[str]:
     """Return the landmark outliers of each posture, separated by spaces."""
-    return [" ".join(name for name, rows in slips.items() if row in rows) for row in range(count)]
+    return [" ".join(name for name, rows in outliers.items() if row in rows) for row in range(count)]
 
 
 def _as_they_are(frames: FrameAngles, labels: Labels) -> Motions:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
 from adapt.cli.commands.known_effects import effects_of
-from adapt.cli.terminal.print_converted import slips_in_words
+from adapt.cli.terminal.print_converted import outliers_in_words
 from adapt.output.adapted_models import write_adapted_models
 from adapt.tables.results import DIFFERENCES
 from models import load_model, model_names
@@ -240,10 +240,10 @@ def test_a_parameter_set_becomes_a_model_of_opensim_alone(tmp_path):
     refused(girdle("convert", DATA_FILE, tmp_path / "o.osim"), str(DATA_FILE), "made of a parameter set", ".toml")
 
 
-def test_many_slips_are_one_line():
+def test_many_outliers_are_one_line():
     motions = read_motions(DATA_FILE)
     slipped = ["TS" if k in (1, 3, 4, 5) else "" for k in range(len(motions.posture))]
-    said = slips_in_words(replace(motions, extra=motions.extra.assign(slipped=slipped)))
+    said = outliers_in_words(replace(motions, extra=motions.extra.assign(slipped=slipped)))
     assert said == ["TS slipped: not in its place on the bone in postures 2, 4-6 of simulated01, abduction"]
 
 

@@ -101,7 +101,7 @@ def test_adapted_means_what_girdle_adapt_reports(biased):
 def slipped(degrees: float, mark: str):
     """Simulate subjects without a cause, in whom TS slipped in two postures each.
 
-    The slip turns the scapula about z by ``degrees`` there, as landmarks off by centimetres do.
+    The outlier turns the scapula about z by ``degrees`` there, as landmarks off by centimetres do.
     """
     motions = simulated().motions
     rows = np.flatnonzero(np.isin(motions.posture, (3, 4)) & (motions.motion == motions.motion[0]))
@@ -113,7 +113,7 @@ def slipped(degrees: float, mark: str):
 
 
 def test_postures_with_a_slip_are_left_out_and_named():
-    """Check that marked slips cost only their postures; unmarked ones spoil the gap and the diagnosis."""
+    """Check that marked outliers cost only their postures; unmarked ones spoil the gap and the diagnosis."""
     effects, model = [EFFECTS[name] for name in CANDIDATES], load_model("R2")
     motions, rows = slipped(25.0, "TS")
     found = diagnose(motions, model, effects=effects)["R2"]
@@ -121,11 +121,11 @@ def test_postures_with_a_slip_are_left_out_and_named():
     expected = diagnose(without, model, effects=effects)["R2"]
     assert (found.verdict, found.noise, found.postures) == (expected.verdict, expected.noise, len(without.posture))
     first = motions.subject[rows[0]], motions.motion[rows[0]], motions.posture[rows[0]]
-    assert found.slips[0] == "TS slipped in {}, {} {}".format(*first)
-    assert len(found.slips) == len(rows)
-    assert f"Left out: {found.slips[0]}." in notes(found)
+    assert found.outliers[0] == "TS slipped in {}, {} {}".format(*first)
+    assert len(found.outliers) == len(rows)
+    assert f"Left out: {found.outliers[0]}." in notes(found)
     unmarked = diagnose(slipped(25.0, "")[0], model, effects=effects)["R2"]
-    assert unmarked.slips == ()
+    assert unmarked.outliers == ()
     assert unmarked.noise.angle_deg > 4.0 * found.noise.angle_deg
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from adapt.diagnosis.marks import declared_effects
 from motions import InputError, Motions, read_motions
 from motions.errors import InputWarning
-from motions.landmarks.sampled_postures import is_yes, marked_slips
+from motions.landmarks.sampled_postures import is_yes, marked_outliers
 from motions.motion_csv.columns import ANGLES_FROM_LANDMARKS, ESTIMATED, SLIPPED
 from motions.rhythm_subjects import simulate_subjects
 from motions.table import warn_of_alike_motions
@@ -490,7 +490,7 @@ def test_yes_and_no_are_read_alike_in_every_column(tmp_path):
 
 def test_landmarks_that_slipped_are_read_with_any_separator_and_no_is_none(tmp_path):
     named = with_column(tmp_path, SLIPPED, "AC TS", "ac,ts", "AC; TS", "no", "0", "False", "")
-    assert marked_slips(named) == dict.fromkeys(range(3), "AC TS")
+    assert marked_outliers(named) == dict.fromkeys(range(3), "AC TS")
 
 
 def test_columns_that_were_likely_meant_as_others_are_named(tmp_path):

@@ -1,4 +1,4 @@
-"""Distances between landmarks of one bone: slips of landmarks are named, sound landmarks are not."""
+"""Distances between landmarks of one bone: outliers of landmarks are named, sound landmarks are not."""
 
 import numpy as np
 import pytest
@@ -55,8 +55,8 @@ def test_a_slip_of_10_mm_toward_or_off_another_landmark_is_named():
 
 
 @pytest.mark.parametrize(("with_aa", "share"), [(True, 0.75), (False, 0.60)])
-def test_a_slip_in_any_direction_is_named_less_often(with_aa, share):
-    """Check the shares in docs/person.md: distances show the part of a slip toward or away from other landmarks."""
+def test_an_outlier_in_any_direction_is_named_less_often(with_aa, share):
+    """Check the shares in docs/person.md: distances show the part of an outlier toward or away from others."""
     rng = np.random.default_rng(1)
     names = ("AC", "TS", "AI", "AA", "SC") if with_aa else ("AC", "TS", "AI", "SC")
     named = []
@@ -73,9 +73,9 @@ def test_a_slip_in_exact_landmarks_is_named_with_its_size():
     landmarks = moving_scapula(6, np.random.default_rng(2))
     along = landmarks["TS"][4] - landmarks["AI"][4]
     landmarks["AI"][4] += 10.0 * along / np.linalg.norm(along)
-    (slip,) = check_rigidity(landmarks).outliers
-    assert (slip.posture, slip.landmark) == (4, "AI")
-    assert slip.size_mm == pytest.approx(10.0, abs=1.0)  # the part across its distances is invisible
+    (outlier,) = check_rigidity(landmarks).outliers
+    assert (outlier.posture, outlier.landmark) == (4, "AI")
+    assert outlier.size_mm == pytest.approx(10.0, abs=1.0)  # the part across its distances is invisible
 
 
 def test_a_common_rotation_of_the_triad_stays_invisible():

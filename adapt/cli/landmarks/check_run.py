@@ -77,11 +77,11 @@ def unsound(own: LandmarkSet, file: str) -> list[str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", InputWarning)
         try:
-            slips = slipped(sound_landmarks(own.points_mm, own.subject, file))
+            outliers = slipped(sound_landmarks(own.points_mm, own.subject, file))
         except InputError as error:
             return [str(error)]
     remedy = "Palpate it again, or leave the posture out"
-    where = {name: ", ".join(own.postures[k] for k in rows) for name, rows in slips.items()}
+    where = {name: ", ".join(own.postures[k] for k in rows) for name, rows in outliers.items()}
     causes = [f"{own.subject}: {name} slipped in posture {said}" for name, said in where.items()]
     said = [str(one.message) for one in caught if isinstance(one.message, InputWarning)]
     return [*said, *(str(InputError(file, None, one, remedy)) for one in causes)]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adapt.cli.terminal.print_converted import slips_in_words
+from adapt.cli.terminal.print_converted import outliers_in_words
 from adapt.diagnosis.fit.shoulders import FEWEST_POSTURES
 from motions import Motions
 from motions.landmarks.sampled_postures import ESTIMATED, is_yes
@@ -56,7 +56,7 @@ def warnings(motions: Motions) -> list[str]:
     found = [f"Left out: {error}" for error in motions.rejected]
     if is_yes(motions, ESTIMATED).any():
         found.append("The axial rotation of the clavicle is an estimate: two landmarks do not determine it.")
-    found += [f"{said}. The diagnosis leaves these out." for said in slips_in_words(motions)]
+    found += [f"{said}. The diagnosis leaves these out." for said in outliers_in_words(motions)]
     for subject in motions.subjects:
         mine = motions.subject == subject
         if np.sum(mine) < FEWEST_POSTURES:

@@ -14,7 +14,7 @@ from adapt.tables.thorax_table import THORAX_WORDS, thorax_table
 from motions import Motions
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.landmarks.mapping import CLUSTERS
-from motions.landmarks.sampled_postures import CLAVICLE_Z_BY, ESTIMATE_ZERO, ESTIMATED, is_yes, marked_slips
+from motions.landmarks.sampled_postures import CLAVICLE_Z_BY, ESTIMATE_ZERO, ESTIMATED, is_yes, marked_outliers
 
 _NUMBER = r"\d+(\.\d+)?(e[+-]\d+)?"
 
@@ -71,14 +71,14 @@ def _say_cluster(console: Console, motions: Motions) -> None:
 
 
 def _say_slipped(console: Console, motions: Motions) -> None:
-    for said in slips_in_words(motions):
+    for said in outliers_in_words(motions):
         console.print(f"{said} (column slipped)", soft_wrap=True)
 
 
-def slips_in_words(motions: Motions) -> list[str]:
+def outliers_in_words(motions: Motions) -> list[str]:
     """Describe the landmark outliers, a line for each motion and set of landmarks."""
     found: dict[tuple[str, str, str], list[int]] = {}
-    for row, names in marked_slips(motions).items():
+    for row, names in marked_outliers(motions).items():
         whose = (str(motions.subject[row]), str(motions.motion[row]), names)
         found.setdefault(whose, []).append(int(motions.posture[row]))
     return [

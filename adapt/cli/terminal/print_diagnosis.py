@@ -57,8 +57,8 @@ def print_diagnosis(console: Console, diagnoses: Diagnoses, tables: bool, next_c
         print_folded(console, "The parameter sets name different causes: one that all name is surer.")
     for word, one in zip(("Measure next: ", "Second choice: "), measure_next(closest), strict=False):
         print_folded(console, f"{word}{one.sentences}")
-    for slip in closest.slips:
-        print_folded(console, f"Left out: {slip}.")
+    for outlier in closest.outliers:
+        print_folded(console, f"Left out: {outlier}.")
     console.print(f"Next: {next_command}", soft_wrap=True)
 
 

@@ -65,7 +65,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "axial_is_computed": diagnosis.axial_is_computed,
             "subjects": diagnosis.subjects,
             "left_out": diagnosis.left_out,
-            "slips": diagnosis.slips,
+            "landmark_outliers": diagnosis.outliers,
             "persons": diagnosis.persons,
             "kinds": diagnosis.kinds,
             "postures": diagnosis.postures,

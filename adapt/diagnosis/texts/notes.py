@@ -32,7 +32,7 @@ def rests_on(diagnosis: Diagnosis) -> list[str]:
         *_sampled(diagnosis),
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
-        *(f"Left out: {slip}." for slip in diagnosis.slips),
+        *(f"Left out: {outlier}." for outlier in diagnosis.outliers),
     ]
 
 
