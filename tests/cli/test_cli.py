@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -441,6 +442,17 @@ def test_each_model_gets_the_amplitudes_of_its_own_diagnosis(tmp_path):
     for models, others in ((["R6"], "R6"), (["R2", "R4"], "R4"), (["R4", "R6"], "R4, R6")):
         with pytest.warns(InputWarning, match=f"were found with R2, and {others} may need others"):
             assert effects_of(tmp_path, models) == of_R2["options"]
+
+
+def test_the_amplitudes_of_a_diagnosis_are_read_without_a_warning_of_the_model(tmp_path):
+    """The command reads the model again, and then warns of it, once."""
+    odd = tmp_path / "odd.toml"
+    text = (FOLDER / "R2.toml").read_text()
+    odd.write_text(re.sub(r"(?m)^conoid_length_mm = .*$", "conoid_length_mm = 80.0", text))
+    with pytest.warns(InputWarning, match="constraint.conoid_length_mm is 80"):
+        load_model(odd)
+    (tmp_path / "diagnosis.json").write_text(json.dumps({"model": "R2", "options": ["thorax_tilt=0,5,0"]}))
+    assert effects_of(tmp_path, [str(odd)]) == ["thorax_tilt=0,5,0"]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Values of ``--effect`` and ``--thorax-downweighting``, in the form that the fits take."""
 
 import json
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from adapt.cli.options import EFFECTS_OF_OPTION, THORAX_OPTION, console
 from adapt.cli.terminal.print_verdict import print_folded
 from adapt.solvers.objective import WEIGHT, down_weighted
 from models.effects.amplitudes import OPTION, Amplitudes, described, read_amplitudes
-from motions.errors import InputError, warn_input
+from motions.errors import InputError, InputWarning, warn_input
 from motions.files import read_text
 
 THORAX_POINTS = "thorax_points"
@@ -74,7 +75,9 @@ def effects_of(folder: Path | None, models: Sequence[str] = (), out: Path | None
         if isinstance(error, InputError):
             raise
         raise InputError(str(path), None, "this is not a diagnosis.json", _GIVE_A_DIAGNOSIS) from error
-    names = [model.name for model in load_models([*models])]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", InputWarning)  # the command reads the models again, and warns of them
+        names = [model.name for model in load_models([*models])]
     if len(names) == 1 and names[0] in by_model:
         source, named = names[0], by_model[names[0]]
     if others := [name for name in names if named and source and by_model.get(name) != named and name != source]:
