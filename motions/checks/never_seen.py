@@ -122,16 +122,16 @@ def _held_together(positions: Positions, thorax: Collection[str]) -> dict[str, B
     """
     found = {name: np.zeros(place.shape[1], bool) for name, place in positions.items()}
     least_mm = max(MOVED_MM, _STEPS_OF_FILE * _step_mm(positions))
-    for place in positions.values():
-        for first, last in runs_at_one_place(place, FEWEST_TOGETHER):
-            here = {name: other[:, first : last + 1] for name, other in positions.items()}
-            if not any(_goes_mm(here[name]) > least_mm for name in thorax if name in here):
-                continue
-            still = [name for name, other in here.items() if (other == other[:, :1]).all()]
-            go_mm = {name: _goes_mm(other) for name, other in here.items() if name not in still}
-            if len(still) > 1 and not set(still) & set(thorax) and not any(mm <= least_mm for mm in go_mm.values()):
-                for name in still:
-                    found[name][first : last + 1] = True
+    each = [run for place in positions.values() for run in runs_at_one_place(place, FEWEST_TOGETHER)]
+    for first, last in dict.fromkeys(each):  # landmarks that stand still together have the same run
+        here = {name: place[:, first : last + 1] for name, place in positions.items()}
+        if not any(_goes_mm(here[name]) > least_mm for name in thorax if name in here):
+            continue
+        still = [name for name, place in here.items() if (place == place[:, :1]).all()]
+        go_mm = {name: _goes_mm(place) for name, place in here.items() if name not in still}
+        if len(still) > 1 and not set(still) & set(thorax) and not any(mm <= least_mm for mm in go_mm.values()):
+            for name in still:
+                found[name][first : last + 1] = True
     return found
 
 

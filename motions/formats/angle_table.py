@@ -14,7 +14,7 @@ from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_yes, spread_column
-from motions.motion_csv.cells import ELEVATION_REMEDY, LARGEST_ANGLE_DEG
+from motions.motion_csv.cells import ANGLE_REMEDY, ELEVATION_REMEDY, LARGEST_ANGLE_DEG
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.motion_csv.unit_and_side import LEAST_VALUES
@@ -138,7 +138,7 @@ def _within_half_a_turn(table: AngleTable, angles_deg: Float[np.ndarray, "rows 6
     turned = np.where(np.abs(angles_deg) > LARGEST_ANGLE_DEG, angles_deg - np.sign(angles_deg) * 360.0, angles_deg)
     if (np.abs(turned) > LARGEST_ANGLE_DEG).any():  # NaN compares false
         cause = f"an angle is {angles_deg.ravel()[np.nanargmax(np.abs(angles_deg))]:g} degrees"
-        raise InputError(table.file, None, cause, "Give angles in degrees between -180 and 180")
+        raise InputError(table.file, None, cause, ANGLE_REMEDY)
     return turned
 
 

@@ -34,6 +34,8 @@ _NAMED = frozenset((*LANDMARKS, "IJ", "PX", "C7", "T8"))
 LARGEST_ANGLE_DEG = 180.0
 """Maximum absolute angle in degrees: an angle is a rotation by at most half a turn."""
 
+ANGLE_REMEDY = "Give angles in degrees between -180 and 180"
+
 ELEVATION_REMEDY = (
     "Elevation is the angle of the humerus with the vertical, 0 to 180 degrees; ISB's beta of the humerus is its "
     "negative (elevation = -beta): turn its sign round"
@@ -96,7 +98,7 @@ def angle_in(row: Row, column: str) -> float:
     value_deg = measured_in(row, column)
     if abs(value_deg) > LARGEST_ANGLE_DEG:
         cause = f"{column} is {_quoted(row.cells[column])}, more than {LARGEST_ANGLE_DEG:.0f} degrees"
-        raise row.error(cause, "Give angles in degrees between -180 and 180")
+        raise row.error(cause, ANGLE_REMEDY)
     return value_deg
 
 

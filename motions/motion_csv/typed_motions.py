@@ -8,7 +8,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from motions.errors import InputError, did_you_mean
-from motions.motion_csv.cells import ELEVATION_REMEDY, LARGEST_ANGLE_DEG
+from motions.motion_csv.cells import ANGLE_REMEDY, ELEVATION_REMEDY, LARGEST_ANGLE_DEG
 from motions.motion_csv.unit_and_side import (
     FAR,
     LARGEST_METRES,
@@ -118,7 +118,7 @@ def _check_ranges(motions: Motions) -> None:
         if (np.abs(values) > LARGEST_ANGLE_DEG).any():  # NaN compares false
             most = values.ravel()[np.nanargmax(np.abs(values))]
             cause = f"{field} goes to {most:g}, more than {LARGEST_ANGLE_DEG:.0f} degrees"
-            raise _error(cause, "Give angles in degrees between -180 and 180")
+            raise _error(cause, ANGLE_REMEDY)
     if (motions.humerus_elevation_deg < 0.0).any():
         cause = f"humerus_elevation_deg goes to {np.nanmin(motions.humerus_elevation_deg):g}, below 0"
         raise _error(cause, ELEVATION_REMEDY)

@@ -112,7 +112,7 @@ def _more_persons(diagnosis: Diagnosis) -> tuple[str, Measurement]:
     """Propose twice as many persons. Their errors are independent, so that an interval over n persons has
     sqrt(n / (n + m)) of its half width with m more; the gain is what the interval of the held-out gap loses."""
     n = diagnosis.persons
-    shrinks = math.sqrt(n / (_TWICE * n))
+    shrinks = math.sqrt(1.0 / _TWICE)
     half_deg = _half(diagnosis.gaps.hardest["with_effect"][ALL])
     gain = "not computed, for no gap was held out"
     if math.isfinite(half_deg):

@@ -38,15 +38,15 @@ def sentence(diagnosis: Diagnosis) -> str:
     shrinks = levels["with_effect"][ALL].value < levels["own_bones"][ALL].value and before != with_effect
     too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
     names = list(_ever_shorter(diagnosis.verdict, too_large))
-    subjects, change = subjects_text(diagnosis), change_text(before, with_effect)
+    subjects, change = subjects_text(diagnosis), change_text(before, with_effect, "shrinks" if shrinks else "goes")
     end = f"noise alone leaves {floor}."
     said = []
     if not shrinks and diagnosis.verdict.rests_on_positions and (apart := diagnosis.positions.other_motion):
-        after, before = number(apart[WITH_CAUSES]), number(apart[ADAPTED])
-        off = f"landmarks of held-out motions are {after} mm off (adapted {before})"
+        off = (
+            f"landmarks of held-out motions are {number(apart[WITH_CAUSES])} mm off (adapted {number(apart[ADAPTED])})"
+        )
         said = [f"Positions show {one}: {off}; the gap of {subjects} {change}, {end}" for one in names]
     start = f"Beyond {OWN} the gap of {subjects} on {held_out_kind_text(diagnosis.gaps)}"
-    change = change.replace("goes from", "shrinks from") if shrinks else change
     said += [f"{start} {change} with {one}; {end}" for one in names]
     return next((one for one in said if len(one.split()) <= MOST_WORDS), said[-1])
 
@@ -87,11 +87,11 @@ def gap_text(value: float, digits: int = 2) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
-def change_text(before: str, after: str, unit: str = "deg") -> str:
-    """Write the change of a written number: 'goes from 2.0 to 1.4 deg'; 'stays at 0.7 deg' where no digit differs."""
+def change_text(before: str, after: str, verb: str = "goes") -> str:
+    """Write the change of a written gap: 'goes from 2.0 to 1.4 deg'; 'stays at 0.7 deg' where no digit differs."""
     if "-" in (before, after):
         return "is not known"
-    return f"stays at {after} {unit}" if before == after else f"goes from {before} to {after} {unit}"
+    return f"stays at {after} deg" if before == after else f"{verb} from {before} to {after} deg"
 
 
 def interval_text(gap: Interval) -> str:
