@@ -157,7 +157,7 @@ def adapt_subjects(
     subjects in ``held_out`` are adapted again without each of their motions or, with a single motion, without each
     third of their postures (``adapt.evaluation.held_out``). By default ``held_out`` contains all subjects or, of more
     than 400 subjects, a sample. These repeated adaptations take about twice the time of the rest; ``held_out=()`` omits
-    them. ``folds`` chooses other parts to hold out in turn (``adapt.tables.folds``).
+    them. ``folds`` chooses other folds (``adapt.tables.folds``).
 
     ``dtype``: with float32, fits are iterated in float32, and again in float64 where they do not converge. On simulated
     subjects, angles differ by at most 3e-4 degrees and parameters by 0.03 mm
@@ -212,9 +212,9 @@ def adapt_checked(
     folds: Callable[[Motions], list[Fold]] = motions_or_thirds,
     progress: Progress = lambda _: None,
 ) -> Adaptations:
-    """Adapt as :func:`adapt_subjects` does, for a part of the subjects of a run with checked motions and options.
+    """Adapt as :func:`adapt_subjects` does, for a chunk of the subjects of a run with checked motions and options.
 
-    ``held_out`` may name subjects of other parts.
+    ``held_out`` may name subjects of other chunks.
     """
     models, weight = as_list(models), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects
@@ -222,9 +222,9 @@ def adapt_checked(
     warn_of_unmeasured(as_measured(effects), motions)
     as_they_are = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
-    parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
-    people = _people(own_bones, rows, models, held_out=bool(parts))
-    found = adapt_with_folds(rows, models, parts, weight, objective, progress, dtype, people)
+    chosen_folds = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
+    people = _people(own_bones, rows, models, held_out=bool(chosen_folds))
+    found = adapt_with_folds(rows, models, chosen_folds, weight, objective, progress, dtype, people)
     progress("uncertainty")
     uncertain = uncertainty(as_type(found.data, float), found.adapted)
     if found.own_bones is not None:
@@ -293,7 +293,7 @@ def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel 
 
 
 def check_own_bones(effects: Amplitudes, objective: str, thorax_downweighting: float, weight: float = WEIGHT) -> None:
-    """Raise an InputError for options that have no part in the objective of own bones; warn of w."""
+    """Raise an InputError for options that do not enter the objective of own bones; warn of w."""
     cause = ""
     if objective != DEFAULT_OBJECTIVE or thorax_downweighting != 1.0:
         cause = "the objective of own bones has no D: no variant of E and no down-weighting changes it"

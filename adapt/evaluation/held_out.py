@@ -28,7 +28,7 @@ from motions.rotations import DEG
 from motions.table import Motions
 
 MOST_SUBJECTS = 400
-"""Default limit on the number of subjects with held-out parts: more take longer than their adaptation, and add no
+"""Default limit on the number of subjects with held-out motions: more take longer than their adaptation, and add no
 information."""
 
 
@@ -78,10 +78,10 @@ class AdaptedSubjects:
     def of(self, model: int) -> "AdaptedSubjects":
         """Select one model, by its number."""
         subjects, folds = len(self.rows.subjects), len(self.held_out.folds)
-        mine, parts = (slice(model * width, (model + 1) * width) for width in (subjects, folds))
+        mine, of_folds = (slice(model * width, (model + 1) * width) for width in (subjects, folds))
         data = select_problems(self.data, np.arange(mine.start, mine.stop))
         own = None if self.own_bones is None else take_problems(self.own_bones, mine)
-        without = self.held_out.of(np.arange(parts.start, parts.stop))
+        without = self.held_out.of(np.arange(of_folds.start, of_folds.stop))
         return AdaptedSubjects(self.rows, data, take_problems(self.adapted, mine), without, own)
 
 
@@ -127,39 +127,39 @@ def _with_own_bones(
     people: People,
     effects: ActiveEffects | None,
 ) -> AdaptedSubjects:
-    """Adapt with folds and with own bones; held-out parts use scales learnt without the person."""
+    """Adapt with folds and with own bones; folds use scales learnt without the person."""
     progress("own bones")
     several = data.counted.shape[1]
-    problem, fitted, tested = _parts(rows, folds, len(models))
+    problem, fitted, tested = _of_folds(rows, folds, len(models))
     every = np.append(np.arange(several), problem)
-    parts = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
+    both = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
     if effects is not None:
-        parts = replace(parts, active_effects=effects)
-    persons = _persons(parts, rows, models, people, every, np.arange(len(every)) >= several)
-    found = own_or_plain(parts, persons, weight)  # one batch: in the end few of either kind still iterate
+        both = replace(both, active_effects=effects)
+    persons = _persons(both, rows, models, people, every, np.arange(len(every)) >= several)
+    found = own_or_plain(both, persons, weight)  # one batch: in the end few of either kind still iterate
     own_data, adapted, own = take_problems(found, slice(several))
-    part_of, without_parts = take_problems(found[:2], slice(several, None))
-    angles = held_out_angles(part_of, without_parts, tested)
-    return AdaptedSubjects(rows, own_data, adapted, _as_held_out(folds, part_of, without_parts, angles, tested), own)
+    of_folds, without = take_problems(found[:2], slice(several, None))
+    angles = held_out_angles(of_folds, without, tested)
+    return AdaptedSubjects(rows, own_data, adapted, _as_held_out(folds, of_folds, without, angles, tested), own)
 
 
 def _persons(
-    parts: Problems,
+    data: Problems,
     rows: PostureRows,
     models: Sequence[AnyModel],
     people: People,
-    problem: Int[np.ndarray, " parts"],
-    is_part: Bool[np.ndarray, " parts"],
+    problem: Int[np.ndarray, " some"],
+    is_fold: Bool[np.ndarray, " some"],
 ) -> Persons:
-    """Describe the differences between the persons of these problems; held-out parts have scales learnt without the
+    """Describe the differences between the persons of these problems; folds have scales learnt without the
     person."""
     everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
     motion = np.tile(rows.packed(rows.motion), len(models))
     spread, unsure = spread_of(models, rows.subjects, people.sds), people.unsure_of(models, rows.subjects)
     kin = np.arange(len(everybody))
     persons = Persons(spread, everybody, people.are_few, motion, unsure, kin).at(problem)
-    spread = with_landmarks(persons.spread, parts, rows, models, problem)
-    scales = [(without if part else everybody)[k] for k, part in zip(problem.tolist(), is_part.tolist(), strict=True)]
+    spread = with_landmarks(persons.spread, data, rows, models, problem)
+    scales = [(without if fold else everybody)[k] for k, fold in zip(problem.tolist(), is_fold.tolist(), strict=True)]
     return persons._replace(spread=spread, scales=scales)
 
 
@@ -177,16 +177,16 @@ def held_out_with_own_bones(
     postures of ``rows``.
     """
     data = problems_of(rows, [model])
-    problem, fitted, tested = _parts(rows, folds, 1)
+    problem, fitted, tested = _of_folds(rows, folds, 1)
     known = {id(one): one.of([model], rows.subjects, held_out=True) for one in people}
     scales = [known[id(one)][fold.subject] for one, fold in zip(people, folds, strict=True)]
 
-    def adapt(part: Problems, which: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
-        part = replace(part, active_effects=fold_effects)
-        persons = _persons(part, rows, [model], people[0], which, np.ones(len(which), bool))
+    def adapt(of_folds: Problems, which: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
+        of_folds = replace(of_folds, active_effects=fold_effects)
+        persons = _persons(of_folds, rows, [model], people[0], which, np.ones(len(which), bool))
         alike = np.array([list(known).index(id(one)) for one in people])
         kin = which + len(rows.subjects) * alike  # shared by the folds of a person with the same effects
-        return own_bones(part, persons._replace(scales=scales, kin=kin), weight)[:2]
+        return own_bones(of_folds, persons._replace(scales=scales, kin=kin), weight)[:2]
 
     return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
 
@@ -205,9 +205,9 @@ def held_out(
     ``folds`` must not be empty.
     """
 
-    def adapt(part: Problems, _) -> tuple[Problems, Adapted]:
-        without = adapt_batch(part, weight, objective)
-        return part.with_sizes(without.sizes), without
+    def adapt(of_folds: Problems, _) -> tuple[Problems, Adapted]:
+        without = adapt_batch(of_folds, weight, objective)
+        return of_folds.with_sizes(without.sizes), without
 
     return _held_out(data, rows, folds, progress, adapt)
 
@@ -215,7 +215,7 @@ def held_out(
 def _held_out(
     data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Adapt
 ) -> HeldOut:
-    problem, fitted, tested = _parts(rows, folds, data.counted.shape[1] // len(rows.subjects))
+    problem, fitted, tested = _of_folds(rows, folds, data.counted.shape[1] // len(rows.subjects))
     progress(f"held-out gaps, {len(problem)} adaptations")
     return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
 
@@ -229,22 +229,25 @@ def _as_held_out(
     return HeldOut(tuple(folds), without, gaps, data, simulated)
 
 
-def _parts(rows: PostureRows, folds: Sequence[Fold], models: int) -> tuple[Int[np.ndarray, " parts"], Places, Places]:
+def _of_folds(
+    rows: PostureRows, folds: Sequence[Fold], models: int
+) -> tuple[Int[np.ndarray, " folds"], Places, Places]:
     """Return the problem of each fold of each model, and the postures that are fitted and tested."""
-    of_fold = np.array([fold.subject for fold in folds], int)
-    problem = (len(rows.subjects) * np.arange(models)[:, None] + of_fold).ravel()
+    subject = np.array([fold.subject for fold in folds], int)
+    problem = (len(rows.subjects) * np.arange(models)[:, None] + subject).ravel()
     fitted, tested = (
-        np.tile(_places(rows, [getattr(fold, part) for fold in folds]), models) for part in ("fitted", "tested")
+        np.tile(_places(rows, each), models)
+        for each in ([fold.fitted for fold in folds], [fold.tested for fold in folds])
     )
     return problem, fitted, tested
 
 
-def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:
-    """Mark the rows of each part among the postures of its subject."""
+def _places(rows: PostureRows, each: Sequence[np.ndarray]) -> Places:
+    """Mark the rows of each fold among the postures of its subject."""
     place = rows.posture
-    found = np.zeros((len(rows.counted), len(parts)), bool)
-    for k, part in enumerate(parts):
-        found[place[part], k] = True
+    found = np.zeros((len(rows.counted), len(each)), bool)
+    for k, mine in enumerate(each):
+        found[place[mine], k] = True
     return found
 
 
@@ -259,7 +262,7 @@ def heldout_table(
     found: HeldOut,
     seen_deg: Mapping[str, Sequence[Float[np.ndarray, "6 rows"]]],
 ) -> pd.DataFrame:
-    """Tabulate ``heldout.csv``: one row per model, subject and held-out part.
+    """Tabulate ``heldout.csv``: one row per model, subject and held-out motion or third.
 
     Gaps are mean |simulated - measured| over the held-out postures, degrees: before adaptation, adapted to all postures
     (in_sample) and adapted without the held-out ones (`unseen`). ``seen_deg``: the gaps of the first two, by model, at

@@ -35,7 +35,7 @@ same limit for a single size. Six bone-pin shoulders with six sets, each without
 beyond the limit, and all 38 predict better with own bones."""
 
 SURPRISED = 7.0
-"""Limit of the root mean square gap on held-out postures, in multiples of the noise of the part. Beyond it own bones
+"""Limit of the root mean square gap on held-out postures, in multiples of the noise of the fold. Beyond it own bones
 are rejected, even where the plain adaptation is worse. The 38 cases of ``DOUBTFUL_SDS`` have 1.1 to 6.3."""
 
 _THIRDS = 3
@@ -95,15 +95,15 @@ def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:
 
 
 def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.ndarray, " problems"]:
-    """Find the problems whose held-out parts own bones predict worse than the plain adaptation, or far worse than their
-    noise implies."""
+    """Find the problems whose held-out postures own bones predict worse than the plain adaptation, or far worse than
+    their noise implies."""
     count = data.counted.shape[1]
-    problem, fitted, tested = _parts(np.asarray(data.counted), persons.motion)
+    problem, fitted, tested = _folds(np.asarray(data.counted), persons.motion)
     if not len(problem):
         return np.zeros(count, bool)
-    part_of, adapted, own = own_bones(select_problems(data, problem, counted=fitted), persons.at(problem), weight)
-    gaps = gaps_of(part_of, held_out_angles(part_of, adapted, tested))
-    plain, _, angles = predicted(data, problem, fitted, tested, lambda part, _: (part, adapt_batch(part, weight)))
+    of_folds, adapted, own = own_bones(select_problems(data, problem, counted=fitted), persons.at(problem), weight)
+    gaps = gaps_of(of_folds, held_out_angles(of_folds, adapted, tested))
+    plain, _, angles = predicted(data, problem, fitted, tested, lambda fold, _: (fold, adapt_batch(fold, weight)))
     more = np.nansum(gaps - gaps_of(plain, angles), axis=(0, 1))  # NaN where either adaptation does not predict
     known = np.isfinite(gaps).sum(axis=(0, 1))
     square = np.where(known > 0, np.nansum(gaps**2, axis=(0, 1)) / np.maximum(known, 1) / own.scales[-1] ** 2, np.inf)
@@ -111,8 +111,8 @@ def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.
     return (np.bincount(problem, more, count) > 0.0) | (surprise > SURPRISED)
 
 
-def _parts(counted: Places, motion: Int[np.ndarray, "postures problems"]) -> tuple[np.ndarray, Places, Places]:
-    """Hold out each motion of each problem in turn, or each third of a single motion; return the problem of each part,
+def _folds(counted: Places, motion: Int[np.ndarray, "postures problems"]) -> tuple[np.ndarray, Places, Places]:
+    """Hold out each motion of each problem in turn, or each third of a single motion; return the problem of each fold,
     the remaining postures and the held-out ones."""
     problem, tested = [], []
     for k, mine in enumerate(counted.T):

@@ -68,7 +68,7 @@ def as_they_are(model: AnyModel, rows: PostureRows, fitted: PostureSolution) -> 
 
 
 def in_folds(chains: Chains, folds: Sequence[Fold]) -> Chains:
-    """Lay out postures that do not depend on the held-out part, for constants that do: one problem per fold."""
+    """Lay out postures that do not depend on the held-out motion, for constants that do: one problem per fold."""
     row, problem, tested = _of_folds(folds)
     return Chains(take_problems(chains.poses, row), row, problem, ~tested, tested)
 
@@ -83,8 +83,8 @@ def adapted_to_all(found: AdaptedSubjects) -> Chains:
 
 
 def adapted_to_folds(rows: PostureRows, held_out: HeldOut) -> Chains:
-    """Lay out the postures of subjects adapted without the held-out part, and the simulated postures of that part: one
-    problem per fold."""
+    """Lay out the postures of subjects adapted without the held-out motion, and the simulated postures of that motion:
+    one problem per fold."""
     row, problem, tested = _of_folds(held_out.folds)
     posture, adapted = rows.posture[row], held_out.adapted
     angles = np.where(adapted.status == status.OK, adapted.angles, np.nan)[:, posture, problem]
@@ -113,11 +113,7 @@ def _of_folds(
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Return rows, problems and the mask of tested postures: first the fitted rows of all folds, then the tested
     ones."""
-    parts = [(fold.fitted, k, False) for k, fold in enumerate(folds)]
-    parts += [(fold.tested, k, True) for k, fold in enumerate(folds)]
-    counts = [len(rows) for rows, _, _ in parts]
-    row, (problem, tested) = (
-        np.concatenate([rows for rows, _, _ in parts]),
-        zip(*(part[1:] for part in parts), strict=True),
-    )
-    return row, np.repeat(problem, counts), np.repeat(tested, counts)
+    each = [fold.fitted for fold in folds] + [fold.tested for fold in folds]
+    counts = [len(rows) for rows in each]
+    problem, tested = np.tile(np.arange(len(folds)), 2), np.repeat([False, True], len(folds))
+    return np.concatenate(each), np.repeat(problem, counts), np.repeat(tested, counts)

@@ -11,29 +11,29 @@ from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, select_problems
 from motions.rotations import DEG
 
-Adapt = Callable[[Problems, Int[np.ndarray, " parts"]], tuple[Problems, Adapted]]
-"""Function that adapts parts of problems, given the problem of each part. It returns the parts, with the effects and
-bones that were found, and the adaptations."""
+Adapt = Callable[[Problems, Int[np.ndarray, " folds"]], tuple[Problems, Adapted]]
+"""Function that adapts folds of problems, given the problem of each fold. It returns the problems of the folds, with
+the effects and bones that were found, and the adaptations."""
 
-Places = Bool[np.ndarray, "postures parts"]
-"""Mask of some postures of each part."""
+Places = Bool[np.ndarray, "postures folds"]
+"""Mask of some postures of each fold."""
 
 
-HeldOutAngles = Float[np.ndarray, "6 postures parts"]
+HeldOutAngles = Float[np.ndarray, "6 postures folds"]
 """Angles (rad) or gaps (degrees) at the tested postures; NaN elsewhere, and where a fit failed."""
 
 
 def predicted(
-    data: Problems, problem: Int[np.ndarray, " parts"], fitted: Places, tested: Places, adapt: Adapt
+    data: Problems, problem: Int[np.ndarray, " folds"], fitted: Places, tested: Places, adapt: Adapt
 ) -> tuple[Problems, Adapted, HeldOutAngles]:
-    """Adapt parts of problems to some of their postures, and predict others; return the parts, the adaptations and the
-    angles in rad."""
-    part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
-    return part_of, without, held_out_angles(part_of, without, tested)
+    """Adapt folds of problems to some of their postures, and predict others; return the problems of the folds, the
+    adaptations and the angles in rad."""
+    of_folds, without = adapt(select_problems(data, problem, counted=fitted), problem)
+    return of_folds, without, held_out_angles(of_folds, without, tested)
 
 
 def held_out_angles(data: Problems, adapted: Adapted, tested: Places) -> HeldOutAngles:
-    """Simulate the tested postures of adapted parts, rad."""
+    """Simulate the tested postures of adapted folds, rad."""
     posture, problem = np.nonzero(tested & (adapted.status == status.OK))
     result = np.full((6, *tested.shape), np.nan)
     if not len(problem):  # every adaptation failed

@@ -11,9 +11,9 @@ from motions.errors import InputError, warn_input
 from motions.files import atomic_write_pieces
 
 UNFINISHED = "unfinished"
-"""Folder below the results for parts in progress: ``unfinished/KEY/NUMBER.npz``."""
+"""Folder below the results for the chunk files in progress: ``unfinished/KEY/NUMBER.npz``."""
 
-_PART = re.compile(r"unfinished/[0-9a-f]{16}/[0-9]{7}\.npz")
+_CHUNK_FILE = re.compile(r"unfinished/[0-9a-f]{16}/[0-9]{7}\.npz")
 
 
 def publish(staged: Path, folder: Path) -> None:
@@ -34,8 +34,8 @@ def publish(staged: Path, folder: Path) -> None:
     # A run killed from here on leaves only files that the list names, so the next run knows them.
     atomic_write_pieces(folder / LIST, [*new, *before.lines(before.hashes)])
     _keep_aside(before, names)
-    for part, place in places.items():
-        part.replace(place)
+    for path, place in places.items():
+        path.replace(place)
     _remove(before, set(old).difference(stay))
     atomic_write_pieces(folder / LIST, [*new, *before.lines(stay)])
     _remove_unfinished(folder)
@@ -43,13 +43,13 @@ def publish(staged: Path, folder: Path) -> None:
 
 def _places(staged: Path, folder: Path) -> dict[Path, Path]:
     """Return the place of each file; a folder that does not exist yet moves in one step, however many files it has."""
-    parts: list[Path] = []
+    paths: list[Path] = []
     for child in staged.iterdir():
         there = child.is_dir() and (folder / child.name).is_dir()
-        parts += [child / name for name in files_below(child)] if there else [child]
-    places = {part: folder / part.relative_to(staged) for part in parts}
-    for part, place in places.items():
-        if place.is_dir() or (part.is_dir() and place.exists()):  # checked before the first file is replaced
+        paths += [child / name for name in files_below(child)] if there else [child]
+    places = {path: folder / path.relative_to(staged) for path in paths}
+    for path, place in places.items():
+        if place.is_dir() or (path.is_dir() and place.exists()):  # checked before the first file is replaced
             raise FileExistsError(errno.EEXIST, f"{place.name} is a {'folder' if place.is_dir() else 'file'}")
         place.parent.mkdir(exist_ok=True)
     return places
@@ -100,11 +100,11 @@ def _remove(before: Written, names: Iterable[str]) -> None:
 
 
 def _remove_unfinished(folder: Path) -> None:
-    """Remove the parts of stopped runs in this folder, and nothing else that may be there."""
+    """Remove the chunk files of stopped runs in this folder, and nothing else that may be there."""
     home = folder / UNFINISHED
-    for part in home.glob("*/*"):
-        if _PART.fullmatch(part.relative_to(folder).as_posix()):
-            part.unlink()
+    for path in home.glob("*/*"):
+        if _CHUNK_FILE.fullmatch(path.relative_to(folder).as_posix()):
+            path.unlink()
     for place in (*home.glob("*"), home):
         _remove_if_empty(place)
 

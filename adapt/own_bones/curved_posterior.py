@@ -45,17 +45,17 @@ the coverage after 60 steps."""
 
 
 def covariance_of_u(
-    found: Posterior, prior: Prior, part: Int[np.ndarray, " rows"]
+    found: Posterior, prior: Prior, problem: Int[np.ndarray, " rows"]
 ) -> Float[np.ndarray, "problems n n"]:
     """Compute the covariance H^-1 = (1 + T'T / sigma^2)^-1 of each problem."""
-    slopes = _slopes(found, prior, part)
-    matrix = np.add.reduceat(np.swapaxes(slopes, 1, 2) @ slopes, _starts(prior, part), axis=0)
+    slopes = _slopes(found, prior, problem)
+    matrix = np.add.reduceat(np.swapaxes(slopes, 1, 2) @ slopes, _starts(prior, problem), axis=0)
     return np.linalg.inv(matrix / prior.noise_deg[:, None, None] ** 2 + np.eye(len(found.u)))  # prior variance 1
 
 
 def overstated(
     rows: Rows,
-    part: Int[np.ndarray, " rows"],
+    problem: Int[np.ndarray, " rows"],
     prior: Prior,
     shares: Float[np.ndarray, "sizes n problems"],
     found: Posterior,
@@ -71,12 +71,16 @@ def overstated(
     if not len(left):
         return more, every
     eta, noise = _draws(found, models)
-    eta, noise = eta[:, left], noise[:, np.isin(part, left)]
-    found = take_found(found, part, np.flatnonzero(found.settled & known))
-    (rows, part), prior, S = of_problems(rows, part, left), take_problems(prior, left), persons_first(shares[..., left])
-    moves_deg = noise * prior.noise_deg[part]
-    told, straight = _if_straight(found, prior, part, S, eta, moves_deg)
-    for end, d in _if_moved(rows, part, prior, found, eta, moves_deg):
+    eta, noise = eta[:, left], noise[:, np.isin(problem, left)]
+    found = take_found(found, problem, np.flatnonzero(found.settled & known))
+    (rows, problem), prior, S = (
+        of_problems(rows, problem, left),
+        take_problems(prior, left),
+        persons_first(shares[..., left]),
+    )
+    moves_deg = noise * prior.noise_deg[problem]
+    told, straight = _if_straight(found, prior, problem, S, eta, moves_deg)
+    for end, d in _if_moved(rows, problem, prior, found, eta, moves_deg):
         more[:, left] += np.where(end, _squares(S, d) - straight, 0.0)
         every[:, left] += np.where(end, told, 0.0)
     return more, every
@@ -88,12 +92,12 @@ def _draws(found: Posterior, models: int) -> Sequence[Float[np.ndarray, "k all"]
     return [np.tile(generator.standard_normal((n, count // models)), models) for n, count in sizes]
 
 
-def _if_moved(rows: Rows, part, prior: Prior, found: Posterior, eta, moves_deg):
+def _if_moved(rows: Rows, problem, prior: Prior, found: Posterior, eta, moves_deg):
     """Compute where the chain closes, and d, for each draw and its mirror image, in one batch."""
     count = len(prior.noise_deg)
     eta, moves = (np.append(one, -one, axis=1) for one in (eta, moves_deg / DEG))
     again = np.tile(np.arange(count), 2)
-    twice, several = of_problems(rows, part, again)
+    twice, several = of_problems(rows, problem, again)
     prior, start = take_problems(prior, again), np.tile(found.nearest.angles, 2)
     twice, prior = twice._replace(angles=twice.angles + moves), prior._replace(numbers_mm=prior.numbers_at(eta))
     end = most_probable(twice, several, prior, found.u[:, again] - eta, start, _MOST_STEPS)
@@ -101,12 +105,12 @@ def _if_moved(rows: Rows, part, prior: Prior, found: Posterior, eta, moves_deg):
     return zip(np.split(end.closed, 2), np.split(d, 2, axis=1), strict=True)
 
 
-def _if_straight(found: Posterior, prior: Prior, part, S, eta, moves_deg):
+def _if_straight(found: Posterior, prior: Prior, problem, S, eta, moves_deg):
     """Compute 1 - var z, and z(d')^2, which a draw and its mirror image share."""
-    covariance = covariance_of_u(found, prior, part)
+    covariance = covariance_of_u(found, prior, problem)
     of_angles = persons_first(found.nearest.B) @ persons_first(moves_deg / DEG)[..., None]
-    slope = (np.swapaxes(_slopes(found, prior, part), 1, 2) @ of_angles)[..., 0]
-    back = np.add.reduceat(slope, _starts(prior, part), axis=0) / prior.noise_deg[:, None] ** 2
+    slope = (np.swapaxes(_slopes(found, prior, problem), 1, 2) @ of_angles)[..., 0]
+    back = np.add.reduceat(slope, _starts(prior, problem), axis=0) / prior.noise_deg[:, None] ** 2
     d = (covariance @ (persons_first(eta) - back)[..., None])[..., 0].T
     return np.maximum(((S - S @ covariance) * S).sum(axis=2).T, 0.0), _squares(S, d)
 
@@ -116,10 +120,10 @@ def _squares(S: Float[np.ndarray, "problems sizes n"], d: Float[np.ndarray, "n p
     return (S @ persons_first(d)[..., None])[..., 0].T ** 2
 
 
-def _slopes(found: Posterior, prior: Prior, part: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "rows 3 n"]:
+def _slopes(found: Posterior, prior: Prior, problem: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "rows 3 n"]:
     """Compute the Jacobian T of each row."""
-    return persons_first(found.nearest.by_theta) @ persons_first(prior.root_mm)[part]
+    return persons_first(found.nearest.by_theta) @ persons_first(prior.root_mm)[problem]
 
 
-def _starts(prior: Prior, part: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " problems"]:
-    return np.searchsorted(part, np.arange(len(prior.noise_deg)))
+def _starts(prior: Prior, problem: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " problems"]:
+    return np.searchsorted(problem, np.arange(len(prior.noise_deg)))

@@ -88,10 +88,10 @@ class Rows(NamedTuple):
         return sd_rad(self.measured, UNMEASURED_SD) ** -2.0
 
 
-class Parts(NamedTuple):
-    """Index of the person of each row; a person is both a group and a part of the damped steps."""
+class ProblemOfRows(NamedTuple):
+    """Problem of each row. A problem is one person, and a group of its own in the damped steps."""
 
-    part: Int[np.ndarray, " rows"]
+    problem: Int[np.ndarray, " rows"]
     group: Int[np.ndarray, " problems"]
 
 
@@ -135,22 +135,22 @@ class Posterior(NamedTuple):
     """True where the chain is closed and F is stationary."""
 
 
-def of_problems(rows: Rows, part: Int[np.ndarray, " rows"], problems) -> tuple[Rows, Int[np.ndarray, " some"]]:
+def of_problems(rows: Rows, problem: Int[np.ndarray, " rows"], problems) -> tuple[Rows, Int[np.ndarray, " some"]]:
     """Select the rows of ``problems``, which may repeat; also return the position in ``problems`` of each row."""
-    at, number = _places(part, problems)
+    at, number = _places(problem, problems)
     return Rows(rows.angles[:, at], rows.measured[:, at], rows.active_effects.at(at)), number
 
 
-def take_found(found: Posterior, part: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]) -> Posterior:
+def take_found(found: Posterior, problem: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]) -> Posterior:
     """Select the posterior modes of ``problems``."""
-    nearest = take_problems(found.nearest, _places(part, problems)[0])
+    nearest = take_problems(found.nearest, _places(problem, problems)[0])
     return take_problems(found._replace(nearest=()), problems)._replace(nearest=nearest)
 
 
-def _places(part: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]):
+def _places(problem: Int[np.ndarray, " rows"], problems: Int[np.ndarray, " some"]):
     """Find the row indices of ``problems``, problem by problem, and the position in ``problems`` of each row."""
-    first = np.searchsorted(part, problems)
-    counts = np.searchsorted(part, problems, side="right") - first
+    first = np.searchsorted(problem, problems)
+    counts = np.searchsorted(problem, problems, side="right") - first
     number = np.repeat(np.arange(len(problems)), counts)
     return np.arange(len(number)) + (first - (np.cumsum(counts) - counts))[number], number
 
@@ -183,24 +183,24 @@ class _OfGroups(NamedTuple):
 class _Objective:
     rows: Rows
     prior: Prior
-    parts: Parts
+    problems: ProblemOfRows
 
     def of(self, groups: Bool[np.ndarray, " problems"]) -> "_Objective":
         """Select some persons."""
-        rows = groups[self.parts.part]
+        rows = groups[self.problems.problem]
         measured = Rows(self.rows.angles[:, rows], self.rows.measured[:, rows], self.rows.active_effects.at(rows))
-        parts = Parts(np.cumsum(groups)[self.parts.part[rows]] - 1, np.arange(groups.sum()))
-        return replace(self, rows=measured, prior=take_problems(self.prior, groups), parts=parts)
+        problems = ProblemOfRows(np.cumsum(groups)[self.problems.problem[rows]] - 1, np.arange(groups.sum()))
+        return replace(self, rows=measured, prior=take_problems(self.prior, groups), problems=problems)
 
     @cached_property
     def first_rows(self) -> Int[np.ndarray, " problems"]:
         """Index of the first row of each person."""
-        return np.searchsorted(self.parts.part, self.parts.group)
+        return np.searchsorted(self.problems.problem, self.problems.group)
 
     @cached_property
     def alike(self) -> list[tuple[Int[np.ndarray, " some"], Int[np.ndarray, "some postures"]]]:
         """Groups of persons with equal numbers of postures, and the row indices of each person."""
-        counts = np.bincount(self.parts.part, minlength=len(self.parts.group))
+        counts = np.bincount(self.problems.problem, minlength=len(self.problems.group))
         starts = np.cumsum(counts) - counts
         every = [(np.flatnonzero(counts == count), count) for count in np.unique(counts).tolist()]
         return [(some, starts[some, None] + np.arange(count)) for some, count in every]
@@ -215,8 +215,8 @@ class _Objective:
 
     def postures(self, u, angles, multipliers) -> Postures:
         """Assemble the arguments of the kernels."""
-        numbers, rows = self.prior.numbers_at(u)[:, self.parts.part], self.rows
-        strengths = strengths_rows(rows.active_effects, len(self.parts.part))
+        numbers, rows = self.prior.numbers_at(u)[:, self.problems.problem], self.rows
+        strengths = strengths_rows(rows.active_effects, len(self.problems.problem))
         return Postures(numbers, strengths, angles, multipliers, rows.angles, rows.weights)
 
     def half_F(self, u, angles) -> Float[np.ndarray, " problems"]:
@@ -231,7 +231,7 @@ class _Objective:
     def in_u(self, at: Eliminated):
         """Sum the rows of each person in terms of u: matrix, gradient, and gradient at stationary postures."""
         row, column = _ENTRIES
-        whole = np.empty((COUNT_OF_NUMBERS, COUNT_OF_NUMBERS, len(self.parts.group)))
+        whole = np.empty((COUNT_OF_NUMBERS, COUNT_OF_NUMBERS, len(self.problems.group)))
         whole[row, column] = whole[column, row] = self.sums(at.matrix)
         root = persons_first(self.prior.root_mm)
         across = np.swapaxes(root, 1, 2)
@@ -241,16 +241,16 @@ class _Objective:
 
 def most_probable(
     rows: Rows,
-    part: Int[np.ndarray, " rows"],
+    problem: Int[np.ndarray, " rows"],
     prior: Prior,
     u: Float[np.ndarray, "n problems"],
     angles: Float[np.ndarray, "6 rows"],
     most_steps: int = _MOST_STEPS,
 ) -> Posterior:
     """Find the posterior mode of each person from the starting point u and ``angles`` (rad)."""
-    objective = _Objective(rows, prior, Parts(part, np.arange(len(prior.noise_deg))))
+    objective = _Objective(rows, prior, ProblemOfRows(problem, np.arange(len(prior.noise_deg))))
     of_rows, _, end = until_ended(objective, _first(objective, u, angles), _stepped, most_steps)
-    numbers = prior.numbers_at(end.u)[:, part]
+    numbers = prior.numbers_at(end.u)[:, problem]
     near = nearest_by_numbers(numbers, rows.active_effects, rows.angles, rows.measured, of_rows.angles)
     tells = rows.measured.sum(axis=0) > FEWEST_ANGLES  # three angles or fewer leave no residual: the chain may be open
     closed = objective.sums(np.abs(near.g_mm).max(axis=0) * tells) <= _CLOSED_MM
@@ -274,9 +274,9 @@ class _Slack:
     slack_mm: float
 
     @property
-    def parts(self) -> Parts:
-        """Person of each row."""
-        return self.of_rigid.parts
+    def problems(self) -> ProblemOfRows:
+        """Problem of each row."""
+        return self.of_rigid.problems
 
     def of(self, groups: Bool[np.ndarray, " problems"]) -> "_Slack":
         """Select some persons."""
@@ -285,7 +285,7 @@ class _Slack:
     def at(self, u, start) -> tuple[Nearest, Float[np.ndarray, " problems"]]:
         """Find the nearest postures and compute F, infinite where undefined."""
         rows, prior = self.of_rigid.rows, self.of_rigid.prior
-        numbers = prior.numbers_at(u)[:, self.parts.part]
+        numbers = prior.numbers_at(u)[:, self.problems.problem]
         measured = rows.active_effects, rows.angles, rows.measured
         near = nearest_by_numbers(numbers, *measured, start, _STAGE_NEAR, self.slack_mm)
         F = self.of_rigid.sums((near.y**2).sum(axis=0)) + self.of_rigid.of_prior(u)
@@ -306,11 +306,11 @@ class _Slack:
 
 
 def staged(
-    rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, slacks_mm: Sequence[float]
+    rows: Rows, problem: Int[np.ndarray, " rows"], prior: Prior, slacks_mm: Sequence[float]
 ) -> tuple[Float[np.ndarray, "n problems"], Float[np.ndarray, "6 rows"]]:
     """Find a starting point u and angles (rad), from the set and the measured angles, by stages of decreasing slack."""
     count = len(prior.noise_deg)
-    objective = _Objective(rows, prior, Parts(part, np.arange(count)))
+    objective = _Objective(rows, prior, ProblemOfRows(problem, np.arange(count)))
     u = np.zeros((prior.root_mm.shape[1], count))
     start = np.concatenate([rows.angles, np.zeros((3, rows.angles.shape[1]))])
     for slack_mm in slacks_mm:
@@ -334,7 +334,7 @@ def _stage_step(soft: _Slack, steps: Steps) -> Steps:
     ended = better & (own.F - F <= _STAGE_GAIN * own.F)
     damping = np.where(better, _LESS * own.damping, np.clip(_MORE * own.damping, 1.0, _MOST))
     state = _Stage(np.where(better, u, own.u), np.where(better, F, own.F), damping, own.going & ~ended)
-    return where_problems(better[soft.parts.part], tried, near), (), state
+    return where_problems(better[soft.problems.problem], tried, near), (), state
 
 
 def _first(objective: _Objective, u, angles) -> Steps:
@@ -351,11 +351,11 @@ def _first(objective: _Objective, u, angles) -> Steps:
 
 def _stepped(objective: _Objective, steps: Steps) -> Steps:
     """Try the step of every person: accept it and compute the next step from its end, or shorten it."""
-    (of_rows, _, own), part, effects = steps, objective.parts.part, objective.rows.active_effects.effects
+    (of_rows, _, own), problem, effects = steps, objective.problems.problem, objective.rows.active_effects.effects
     u = own.u + own.length * own.du
     angles, multipliers = (
-        of_rows.angles + own.length[part] * of_rows.dq,
-        of_rows.multipliers + own.length[part] * of_rows.change,
+        of_rows.angles + own.length[problem] * of_rows.dq,
+        of_rows.multipliers + own.length[problem] * of_rows.change,
     )
     at = objective.postures(u, angles, multipliers)
     half_F = objective.half_F(u, angles)
@@ -365,7 +365,7 @@ def _stepped(objective: _Objective, steps: Steps) -> Steps:
     refused = own._replace(length=np.where(own.going, _SHORTER * own.length, own.length), steps=own.steps + own.going)
     if not good.any():
         return of_rows, (), refused
-    some, mine = objective.of(good), good[part]
+    some, mine = objective.of(good), good[problem]
     rows_there, groups_there = _accepted(
         some, take_problems((u, own.length, own.damping, own.steps, half_F), good), take_problems(at, mine)
     )
@@ -375,7 +375,11 @@ def _stepped(objective: _Objective, steps: Steps) -> Steps:
 def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _OfGroups]:
     """Compute the next step from accepted points."""
     u, length, damping, steps, half_F = groups
-    effects, part, variance = objective.rows.active_effects.effects, objective.parts.part, objective.prior.noise_deg**2
+    effects, problem, variance = (
+        objective.rows.active_effects.effects,
+        objective.problems.problem,
+        objective.prior.noise_deg**2,
+    )
     found = eliminate(effects, at)
     matrix, slope, slope_there = objective.in_u(found)
     # a posture that cannot be eliminated ends the search of its own person only
@@ -384,7 +388,7 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
     more, less = np.clip(_MORE * damping, _LEAST, _MOST), _LESS * damping * (damping > _LEAST)
     damping = np.where(length < 1.0, more, less)
     du = _lowest(matrix, slope + variance * u, variance, damping)
-    dq, target = found.at(objective.prior.moved_mm(du)[:, part])
+    dq, target = found.at(objective.prior.moved_mm(du)[:, problem])
     new = _OfRows(at.angles, at.multipliers, dq, target - at.multipliers, target, found.stiffness)
     longest = objective.largest(np.abs(dq).max(axis=0))
     merit = half_F + objective.sums(_augmented(target, found.stiffness, found.g_mm))

@@ -126,13 +126,13 @@ def spread_of(models: Sequence[AnyModel], subjects: Sequence[str], sds: OwnSDs =
     """Compute the spread of persons about the set of every subject with every model."""
     sets, place = unique_sets(models, subjects)
     each = [spread_about(one, sds) for one in sets]
-    return Spread(*(np.stack(parts, axis=-1)[..., place] for parts in zip(*each, strict=True)))
+    return Spread(*(np.stack(one, axis=-1)[..., place] for one in zip(*each, strict=True)))
 
 
 def with_landmarks(
-    spread: Spread, data: Problems, rows: PostureRows, models: Sequence[AnyModel], problem: Int[np.ndarray, " parts"]
+    spread: Spread, data: Problems, rows: PostureRows, models: Sequence[AnyModel], problem: Int[np.ndarray, " folds"]
 ) -> Spread:
-    """Add the numbers that landmark positions measure in the postures of each part of a problem. Numbers that the
+    """Add the numbers that landmark positions measure in the postures of each fold of a problem. Numbers that the
     person's set has measured are left out, because they may come from the same landmarks."""
     if not {"SC", "AC", "TS", "AI"} & rows.landmarks_mm.keys():
         return spread
@@ -181,14 +181,14 @@ class _Optimum(NamedTuple):
     """Girdles of some problems after at most thirty steps towards the posterior mode."""
 
     rows: Rows
-    part: Int[np.ndarray, " rows"]
+    problem: Int[np.ndarray, " rows"]
     prior: Prior
     shares: Float[np.ndarray, "sizes n problems"]
     found: Posterior
 
 
 def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS, held_out: bool = True) -> People:
-    """Learn the scales of each model from these subjects, or from a sample of many. For ``held_out`` parts, also learn
+    """Learn the scales of each model from these subjects, or from a sample of many. For ``held_out`` folds, also learn
     them without each sixth of the persons."""
     chosen, sds = np.flatnonzero(np.isin(rows.subjects, sample(rows.subjects))), dict(sds)
     subjects = tuple(rows.subjects[k] for k in chosen.tolist())
@@ -197,8 +197,8 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
     everybody = dict.fromkeys((model.name for model in models), PRIOR)
     if len(different) < _FEWEST_PERSONS:
         return People(sds, everybody, {name: {} for name in everybody}, are_few=True)
-    parts = np.array_split(np.arange(len(different)), _GROUPS)
-    number = {different[k]: g for g, part in enumerate(parts) for k in part.tolist()}
+    sixths = np.array_split(np.arange(len(different)), _GROUPS)
+    number = {different[k]: g for g, sixth in enumerate(sixths) for k in sixth.tolist()}
     group = np.array([number[one] for one in persons])
     every, width = np.arange(len(models)), len(chosen)
     data = select_problems(problems_of(rows, models), (len(rows.subjects) * every[:, None] + chosen).ravel())
@@ -281,15 +281,15 @@ def sample(subjects: Sequence[str]) -> tuple[str, ...]:
 
 
 def _optimum(data: Problems, spread: Spread, scales: Sequence[Scales]) -> _Optimum:
-    rows, part, _ = _rows_of(data)
+    rows, problem, _ = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
-    found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]), _LEARNING_STEPS)
-    return _Optimum(rows, part, prior, shares, found)
+    found = most_probable(rows, problem, prior, *staged(rows, problem, prior, STARTS_MM[0]), _LEARNING_STEPS)
+    return _Optimum(rows, problem, prior, shares, found)
 
 
 def _moments(spread: Spread, at: _Optimum) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
     """Compute the moments, and for which problems the likelihood can be computed."""
-    of = moments(of_chain(spread.columns_mm), at.prior, at.found, at.rows, at.part)
+    of = moments(of_chain(spread.columns_mm), at.prior, at.found, at.rows, at.problem)
     return of, at.found.closed & are_known(of)
 
 
@@ -306,16 +306,16 @@ def adapt_own_bones(
     ``unsure``: corrections of the covariance of the sizes; by default none. ``kin``: number of the person, shared by
     problems with other postures of the same person; by default each problem is of another person.
     """
-    rows, part, posture = _rows_of(data)
+    rows, problem, posture = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
-    found = with_lowest_postures(rows, part, prior, np.arange(len(scales)) if kin is None else kin)
-    own, moved_mm = _own_bones(spread, scales, prior, shares, found, part, unsure or Unsure.nothing(len(scales)))
+    found = with_lowest_postures(rows, problem, prior, np.arange(len(scales)) if kin is None else kin)
+    own, moved_mm = _own_bones(spread, scales, prior, shares, found, problem, unsure or Unsure.nothing(len(scales)))
     girdle = Girdle.of_numbers(np.asarray(data.girdle.numbers_mm) + moved_mm)
     data = replace(data, girdle=girdle)
     fitted = fit_batch(
-        data.girdles_at(girdle.adapted_mm, posture, part), rows.angles, rows.measured, found.nearest.angles
+        data.girdles_at(girdle.adapted_mm, posture, problem), rows.angles, rows.measured, found.nearest.angles
     )
-    return data, _as_adapted(data, weight, found, fitted, (posture, part)), own
+    return data, _as_adapted(data, weight, found, fitted, (posture, problem)), own
 
 
 def _rows_of(data: Problems) -> tuple[Rows, Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
@@ -374,13 +374,13 @@ def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
 
 
 def _own_bones(
-    spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part, unsure: Unsure
+    spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, problem, unsure: Unsure
 ) -> tuple[OwnBones, Float[np.ndarray, "numbers problems"]]:
     """Compute the posterior of the sizes, and the change of the girdle by their means."""
     sd, shares, before = persons_first(spread.sd * _of_sizes(scales)), persons_first(shares), _sizes(spread, scales)
     S = before.root @ shares
     mean = before.mean + (S @ persons_first(found.u)[..., None])[..., 0]
-    told = (S - S @ covariance_of_u(found, prior, part)) @ np.swapaxes(S, 1, 2)
+    told = (S - S @ covariance_of_u(found, prior, problem)) @ np.swapaxes(S, 1, 2)
     told, covariance = told_and_covariance(before.root @ np.swapaxes(before.root, 1, 2), told, unsure)
     own = OwnBones(
         (sd * mean).T,

@@ -90,10 +90,10 @@ class Moments(NamedTuple):
 
 
 def informative(
-    measured: Bool[np.ndarray, "6 rows"], part: Int[np.ndarray, " rows"], problems: int
+    measured: Bool[np.ndarray, "6 rows"], problem: Int[np.ndarray, " rows"], problems: int
 ) -> Int[np.ndarray, " problems"]:
     """Count the numbers of each problem that inform about its girdle: measured angles less three per posture."""
-    return np.bincount(part, np.maximum(measured.sum(axis=0) - FEWEST_ANGLES, 0), problems).astype(int)
+    return np.bincount(problem, np.maximum(measured.sum(axis=0) - FEWEST_ANGLES, 0), problems).astype(int)
 
 
 def moments(
@@ -101,21 +101,21 @@ def moments(
     prior: Prior,
     found: Posterior,
     rows: Rows,
-    part: Int[np.ndarray, " rows"],
+    problem: Int[np.ndarray, " rows"],
 ) -> Moments:
     """Compute the moments of the likelihood at the most probable girdles."""
     y, slopes = found.nearest.y, found.nearest.by_theta
     x = prior.numbers_at(found.u) - prior.numbers_mm
-    b = np.einsum("ikr,kr->ir", slopes, x[:, part]) - y
-    along = np.einsum("ikr,ksr->isr", slopes, columns[..., part])
+    b = np.einsum("ikr,kr->ir", slopes, x[:, problem]) - y
+    along = np.einsum("ikr,ksr->isr", slopes, columns[..., problem])
     people = range(x.shape[1])
     A, c = [], []
     for p in people:
-        mine = np.concatenate(along[..., part == p], axis=1)
+        mine = np.concatenate(along[..., problem == p], axis=1)
         A.append(mine @ mine.T)
-        c.append(mine @ np.concatenate(b[:, part == p]))
+        c.append(mine @ np.concatenate(b[:, problem == p]))
     A, c = np.stack(A, axis=-1), np.stack(c, axis=-1)
-    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), informative(rows.measured, part, x.shape[1]))
+    return Moments(A, c, np.bincount(problem, (b**2).sum(axis=0)), informative(rows.measured, problem, x.shape[1]))
 
 
 def are_known(of: Moments) -> Bool[np.ndarray, " problems"]:

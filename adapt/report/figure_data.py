@@ -141,7 +141,7 @@ def _gaps(summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]
 
 
 def _held_out(summary: pd.DataFrame, model: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 2"]:
-    """Look up the held-out gap of each bone; NaN for subjects without held-out parts."""
+    """Look up the held-out gap of each bone; NaN for subjects without folds."""
     return _of_subjects(summary, model, "after", subjects)[list(HELD_OUT.values())].to_numpy(float)
 
 

@@ -13,7 +13,7 @@ from motions.table import Motions
 
 MOTION, POSTURES, PERSON = "motion", "postures", "person and motion"
 """Kinds of folds: one motion held out; every third posture held out; a motion held out together with persons, whose
-data then have no part in anything that persons share."""
+data then have no influence on anything that persons share."""
 
 THIRDS = ("third 2", "third 3", "third 1")
 """Names of the thirds to which the postures of a subject belong in turn."""
@@ -25,7 +25,7 @@ Rows = Int[np.ndarray, " some"]
 """Rows of the motions, ascending."""
 
 Label = Shaped[np.ndarray, " rows"]
-"""Name of the held-out part of each row."""
+"""Name of the held-out motion or third of each row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def motions_and_persons(motions: Motions, person: Int[np.ndarray, " subjects"]) 
     """Hold out every kind of motion, alone and, where there are several persons, together with every person.
 
     With a single kind of motion, thirds of the postures take the place of motions. Return the folds by kind, subject
-    and name, and the name of the held-out part of each row.
+    and name, and the name of the held-out motion or third of each row.
 
     ``person``: the number of the person of each subject.
     """

@@ -23,30 +23,30 @@ COLUMNS = (
 """Columns of ``heldout.csv``, also where nothing could be held out."""
 
 NOTHING = pd.DataFrame(columns=list(COLUMNS))
-"""Empty table, for runs without held-out parts."""
+"""Empty table, for runs without folds."""
 
 
 def by_subject(table: pd.DataFrame) -> pd.DataFrame:
-    """Average the gaps of each model, subject and kind over its parts.
+    """Average the gaps of each model, subject and kind over its folds.
 
-    The weight of a part is its number of postures.
+    The weight of a fold is its number of postures.
     """
     columns = [c for c in table.columns if c.endswith("_deg")]
     weighed = table[columns].mul(table["postures"], axis=0).where(table[columns].notna())
     counts = table[columns].notna().mul(table["postures"], axis=0)
     keys = [table[k] for k in ("model", "subject", "kind")]
-    sums = (part.groupby(keys, sort=False).sum() for part in (weighed, counts))
+    sums = (one.groupby(keys, sort=False).sum() for one in (weighed, counts))
     total, count = sums
     return (total / count.where(count > 0)).reset_index()
 
 
 def by_model(table: pd.DataFrame) -> pd.DataFrame:
-    """Average the gaps of each model over the subjects, whatever the kinds of their held-out parts."""
+    """Average the gaps of each model over the subjects, whatever the kinds of their folds."""
     return pd.DataFrame(by_subject(table).drop(columns=["subject", "kind"]).groupby("model", sort=False).mean())
 
 
-def fewest_parts(table: pd.DataFrame, subjects: Collection[str]) -> pd.DataFrame:
-    """Keep the parts that ``adapt.tables.folds.motions_or_thirds`` holds out of these subjects: motions, else
+def fewest_folds(table: pd.DataFrame, subjects: Collection[str]) -> pd.DataFrame:
+    """Keep the folds that ``adapt.tables.folds.motions_or_thirds`` holds out of these subjects: motions, else
     thirds."""
     motions = table["kind"] == MOTION
     several = table["subject"].isin(table["subject"][motions])

@@ -62,7 +62,7 @@ class Tables:
     parameters: pd.DataFrame
     """``parameters.csv``: one row per model and subject; Tables 6.5 and 6.6."""
     heldout: pd.DataFrame
-    """``heldout.csv``: one row per model, subject and held-out part, for the subjects with held-out parts."""
+    """``heldout.csv``: one row per model, subject and held-out motion or third, for the subjects with folds."""
     subjects: SubjectRows
     """Rows of subjects from which the summary is computed."""
 
@@ -166,7 +166,7 @@ def summary_table(fits: pd.DataFrame) -> pd.DataFrame:
     the number of all, ``postures_ok`` of those that count. ``clavicle`` and ``scapula`` are the means of their three
     angles. After adaptation HELD_OUT has the same mean for each bone, with the row's postures held out: a motion; each
     motion in turn for all motions together; thirds of the postures of a subject with a single motion. The cells are
-    empty for subjects without held-out parts (``heldout.csv``).
+    empty for subjects without folds (``heldout.csv``).
     """
     return summary_of(rows_of_subjects(fits))
 
@@ -204,19 +204,19 @@ def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.Dat
 
 
 def summary_pieces(
-    model: str, adapted: int, parts: Callable[[], Iterable[pd.DataFrame]], heldout: pd.DataFrame = NOTHING
+    model: str, adapted: int, chunks: Callable[[], Iterable[pd.DataFrame]], heldout: pd.DataFrame = NOTHING
 ) -> Iterator[pd.DataFrame]:
-    """Build the summary of one model and state: for each motion the rows of subjects, part by part, then their
+    """Build the summary of one model and state: for each motion the rows of subjects, chunk by chunk, then their
     statistics.
 
-    ``parts`` returns the rows of subjects anew each time, as there may be more of them than fit in memory.
+    ``chunks`` returns the rows of subjects anew each time, as there may be more of them than fit in memory.
     """
     found = _HeldOut.of(heldout[heldout["model"] == model] if adapted else NOTHING)
-    motions = list(dict.fromkeys(chain.from_iterable(rows["motion"].unique() for rows in parts())))
+    motions = list(dict.fromkeys(chain.from_iterable(rows["motion"].unique() for rows in chunks())))
     # With a single motion, its block would repeat the block of all motions.
     for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
         numbers: list[pd.DataFrame] = []
-        for rows in parts():
+        for rows in chunks():
             block = found.beside(rows[rows["motion"] == motion])
             numbers.append(block.drop(columns=["motion", "subject"]))
             yield _labelled(block, model, adapted, motion)
@@ -232,7 +232,7 @@ class _HeldOut(NamedTuple):
     """Gaps on held-out postures of the subjects of one model."""
 
     gaps: pd.DataFrame
-    """Gaps by subject and held-out part."""
+    """Gaps by subject and held-out motion."""
     several: frozenset[str]
     """Subjects with each motion held out."""
 
@@ -248,8 +248,8 @@ class _HeldOut(NamedTuple):
         some = rows[rows["subject"].isin(self.gaps.index.get_level_values("subject"))]  # few subjects in large runs
         if some.empty:
             return rows.assign(**dict.fromkeys(HELD_OUT.values(), np.nan))
-        part = some["motion"].where(some["subject"].isin(self.several), ALL_MOTIONS)
-        gaps = self.gaps.reindex(pd.MultiIndex.from_arrays([some["subject"], part])).set_axis(some.index)
+        motion = some["motion"].where(some["subject"].isin(self.several), ALL_MOTIONS)
+        gaps = self.gaps.reindex(pd.MultiIndex.from_arrays([some["subject"], motion])).set_axis(some.index)
         columns = {}
         for bone, name in HELD_OUT.items():
             columns[name] = gaps[f"{bone}_gap_unseen_deg"].where(some[f"{bone}_deg"].notna()).reindex(rows.index)
@@ -356,9 +356,9 @@ def parameter_statistics(parameters: pd.DataFrame) -> pd.DataFrame:
     """Compute mean and SD over subjects of each adapted parameter, mm, by model: Table 6.5 beside Table 6.6."""
     good = parameters[parameters["status"] == status.OK]
     rows = []
-    for model, part in good.groupby("model", sort=False):
+    for model, mine in good.groupby("model", sort=False):
         for name in ADAPTED:
-            values, at_bound = part[f"{name}_mm"], int(part[f"{name}_mm_at_bound"].sum())
-            own_mm = part[f"{name}_mm_model"].iloc[0]
+            values, at_bound = mine[f"{name}_mm"], int(mine[f"{name}_mm_at_bound"].sum())
+            own_mm = mine[f"{name}_mm_model"].iloc[0]
             rows.append((model, name, own_mm, values.mean(), values.std(), at_bound, len(values)))
     return pd.DataFrame(rows, columns=["model", "parameter", "model_mm", "mean_mm", "sd_mm", "at_bound", "subjects"])

@@ -4,7 +4,7 @@ import pytest
 
 from adapt.cli import choices
 from adapt.diagnosis.position_findings import USES
-from adapt.output.large_runs.parts import LANES
+from adapt.output.large_runs.chunked_run import LANES
 from adapt.solvers.objective import DEFAULT_OBJECTIVE, OBJECTIVES, WEIGHT
 from adapt.tables.muscle_tables import BODY_MASS_KG
 from models import model_names

@@ -19,8 +19,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.projection import damped_steps, gauss_newton
 from adapt.solvers.projection.bounded_step import lowest
 from adapt.solvers.projection.gauss_newton import End
+from adapt.solvers.projection.grouped_problems import GroupedProblems
 from adapt.solvers.projection.nearest_posture import THERE, _nearest_kernel, nearest_postures
-from adapt.solvers.projection.parts import Parts
 from adapt.solvers.projection.subjects import weight_of_sizes
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects, AnyGirdle
@@ -53,21 +53,21 @@ def test_without_effects_it_is_the_adaptation_of_girdle_adapt():
 
 
 def each_alone(joint: JointFit) -> JointFit:
-    """Make every part a group of its own."""
-    return joint.of(tuple(part._replace(group=k) for k, part in enumerate(joint.parts)))
+    """Make every problem a group of its own."""
+    return joint.of(tuple(problem._replace(group=k) for k, problem in enumerate(joint.problems)))
 
 
 def adapted(joint: JointFit, hypothesis: Hypothesis, theta_mm, amplitude, between: float) -> End:
-    """Adapt every part with its own sizes about an amplitude; ``between``: their SD, in prior SDs."""
+    """Adapt every problem with its own sizes about an amplitude; ``between``: their SD, in prior SDs."""
     shared = joint._shared([hypothesis] * joint.groups)
     mean = np.tile(np.reshape(amplitude, (-1, 1)), joint.groups)
-    scale = between * shared.scale / np.sqrt(weight_of_sizes(joint._parts))
+    scale = between * shared.scale / np.sqrt(weight_of_sizes(joint._grouped))
     return _minimum(with_slopes(joint), shared._replace(scale=scale, mean=mean), theta_mm, mean)
 
 
-def with_slopes(joint: JointFit) -> Parts:
-    """Return the parts with slopes in the strengths too, at fixed postures, as E needs them."""
-    return replace(joint._parts, strengths_are_known=False)
+def with_slopes(joint: JointFit) -> GroupedProblems:
+    """Return the problems with slopes in the strengths too, at fixed postures, as E needs them."""
+    return replace(joint._grouped, strengths_are_known=False)
 
 
 def test_personal_sizes_give_the_optimum_of_girdle_adapt():
@@ -79,7 +79,7 @@ def test_personal_sizes_give_the_optimum_of_girdle_adapt():
     start = joint.from_starts()
     found = adapted(each_alone(joint), (name,), start.theta_mm.T, mean, between)
     assert (exact.status == "ok").all()
-    of_sizes = joint.model.weight / (6.0 * np.array([len(part.rows) for part in joint.parts]))
+    of_sizes = joint.model.weight / (6.0 * np.array([len(problem.rows) for problem in joint.problems]))
     sizes = ((found.amplitude.T - mean) / (between * scale)).T
     ours, theirs = found.E + of_sizes * (sizes**2).sum(axis=0), exact.E + of_sizes * (exact.sizes**2).sum(axis=0)
     np.testing.assert_allclose(ours, theirs, atol=SAME_E)
@@ -127,14 +127,14 @@ _slopes = few_runs(jax.jacobian(lambda q_deg, chain: chain.residuals_mm(q_deg / 
 def test_the_whole_slopes_of_y_are_differences():
     """Check slopes in which the nearest posture moves; slopes at fixed postures are off by some percent."""
     joint = joint_fit("scapulothoracic_gap")
-    parts, theta = with_slopes(joint), joint.from_starts().theta_mm
-    strengths = 2.0 * np.random.default_rng(5).standard_normal(parts.strengths.shape)
-    near = parts.nearest(theta, strengths)
-    whole = parts.with_whole_slopes(theta, strengths, near)
+    problems, theta = with_slopes(joint), joint.from_starts().theta_mm
+    strengths = 2.0 * np.random.default_rng(5).standard_normal(problems.strengths.shape)
+    near = problems.nearest(theta, strengths)
+    whole = problems.with_whole_slopes(theta, strengths, near)
 
     def differences(in_theta, in_strengths):
         up, down = (
-            parts.nearest(theta + k * in_theta, strengths + k * in_strengths, near.angles).y for k in (STEP, -STEP)
+            problems.nearest(theta + k * in_theta, strengths + k * in_strengths, near.angles).y for k in (STEP, -STEP)
         )
         return (up - down) / (2.0 * STEP)
 
@@ -155,14 +155,14 @@ def test_a_posture_at_a_gimbal_lock_has_no_slopes_and_leaves_the_others_theirs()
     """
     effects = [EFFECTS[name] for name in ("scapula_landmark_bias", "scapulothoracic_gap:posture")]
     joint = search_of(load_model("R2"), joint_fit().shoulders, effects).joint
-    parts, theta = joint._parts, joint.from_starts().theta_mm
-    strengths = np.zeros(parts.strengths.shape)
+    problems, theta = joint._grouped, joint.from_starts().theta_mm
+    strengths = np.zeros(problems.strengths.shape)
     strengths[3:] = np.reshape([-3.8, -1.5, 3.6, 5.9, -0.8, -2.8], (-1, 1))
-    near = parts.nearest(theta, strengths)
-    whole = parts.with_whole_slopes(theta, strengths, near)
+    near = problems.nearest(theta, strengths)
+    whole = problems.with_whole_slopes(theta, strengths, near)
     locked = near.angles.copy()
     locked[:, 3] = np.array([-82.10, 27.15, 24.98, 17.65, 90.001, 30.96]) / DEG
-    found = parts.with_whole_slopes(theta, strengths, near._replace(angles=locked))
+    found = problems.with_whole_slopes(theta, strengths, near._replace(angles=locked))
     assert not found.by_theta[..., 3].any()
     assert not found.by_channel[..., 3].any()
     assert whole.by_theta[..., 3].any()
@@ -180,42 +180,42 @@ def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
     name = "scapulothoracic_gap"
     where = joint.candidates.where((name,))
     theta, a = joint.from_starts().theta_mm, 0.3 * joint.candidates.scale[where]
-    parts, columns = with_slopes(joint), joint.candidates.columns[where][..., joint.rows]
+    problems, columns = with_slopes(joint), joint.candidates.columns[where][..., joint.rows]
 
     def squares(amplitude):
         strengths = np.einsum("k,kcr->cr", amplitude, columns)
-        return parts.nearest(theta, strengths)
+        return problems.nearest(theta, strengths)
 
     near = squares(a)
     by_amplitude = np.einsum("icr,kcr->ikr", near.by_channel, columns)
-    slope = 2.0 * np.einsum("r,ikr,ir->k", parts.weights, by_amplitude, near.y)
+    slope = 2.0 * np.einsum("r,ikr,ir->k", problems.weights, by_amplitude, near.y)
     for k, scale in enumerate(joint.candidates.scale[where]):
         step = np.zeros(len(a))
         step[k] = FD * scale
-        up, down = (float((parts.weights * (squares(a + s).y ** 2).sum(axis=0)).sum()) for s in (step, -step))
+        up, down = (float((problems.weights * (squares(a + s).y ** 2).sum(axis=0)).sum()) for s in (step, -step))
         assert slope[k] * scale == pytest.approx((up - down) / (2.0 * FD), rel=1e-4, abs=1e-4)
 
 
 def test_the_quadratic_step_is_the_lowest_within_its_bounds():
     generator = np.random.default_rng(11)
-    parts, k = 3, 2
-    root = generator.standard_normal((parts, 12, 6 + k))
+    problems, k = 3, 2
+    root = generator.standard_normal((problems, 12, 6 + k))
     matrix = np.einsum("pij,pik->jkp", root, root)
-    gradient = 5.0 * generator.standard_normal((parts, 6 + k)).T
-    room = np.full((6, parts), -0.3), np.full((6, parts), 0.2)
+    gradient = 5.0 * generator.standard_normal((problems, 6 + k)).T
+    room = np.full((6, problems), -0.3), np.full((6, problems), 0.2)
     prior = np.eye(k)[..., None] * 0.7
     prior_gradient = generator.standard_normal((k, 1))
-    dtheta, da = lowest(gradient, matrix, np.zeros(parts, int), prior_gradient, prior, room)
+    dtheta, da = lowest(gradient, matrix, np.zeros(problems, int), prior_gradient, prior, room)
 
     def value(x):
-        theta, a = x[: 6 * parts].reshape(6, parts), x[6 * parts :]
-        d = np.concatenate([theta, np.tile(a[:, None], parts)])
+        theta, a = x[: 6 * problems].reshape(6, problems), x[6 * problems :]
+        d = np.concatenate([theta, np.tile(a[:, None], problems)])
         own = 0.5 * np.einsum("ip,ijp,jp->", d, matrix, d) + (gradient * d).sum()
         return own + 0.5 * a @ prior[..., 0] @ a + prior_gradient[:, 0] @ a
 
-    bounds = [(-0.3, 0.2)] * (6 * parts) + [(None, None)] * k
+    bounds = [(-0.3, 0.2)] * (6 * problems) + [(None, None)] * k
     best = minimize(
-        value, np.zeros(6 * parts + k), method="L-BFGS-B", bounds=bounds, options={"maxiter": 5000, "ftol": 1e-15}
+        value, np.zeros(6 * problems + k), method="L-BFGS-B", bounds=bounds, options={"maxiter": 5000, "ftol": 1e-15}
     )
     found = np.concatenate([dtheta.ravel(), da.ravel()])
     assert value(found) == pytest.approx(best.fun, rel=1e-6)
@@ -244,12 +244,12 @@ def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few,
     """Check that groups end in the same place, up to rounding, whether or not finished groups stay in the batch."""
     joint = joint_fit("scapula_landmark_bias")
     name, start, mean = ("scapula_landmark_bias",), joint.from_starts().theta_mm.T, np.zeros(3)
-    parts = each_alone(joint)
+    problems = each_alone(joint)
     monkeypatch.setattr(damped_steps, "_FEW", few)
-    every = adapted(parts, name, start, mean, 1.0)
+    every = adapted(problems, name, start, mean, 1.0)
     assert every.settled.all()
-    for group, part in enumerate(parts.parts):
-        alone = adapted(joint.of((part._replace(group=0),)), name, start[[group]], mean, 1.0)
+    for group, problem in enumerate(problems.problems):
+        alone = adapted(joint.of((problem._replace(group=0),)), name, start[[group]], mean, 1.0)
         assert alone.settled.all()
         np.testing.assert_allclose(alone.E, every.E[[group]], rtol=1e-9)
         np.testing.assert_allclose(alone.amplitude[:, 0], every.amplitude[:, group], rtol=1e-6)
@@ -263,8 +263,8 @@ def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
         return evaluate(*given) + 1e6 * next(higher)
 
     monkeypatch.setattr(gauss_newton.Objective, "total", total)
-    start, parts = joint.model.theta_mm, each_alone(joint)
-    walled = adapted(parts, (), start, np.zeros(0), 1.0)
+    start, problems = joint.model.theta_mm, each_alone(joint)
+    walled = adapted(problems, (), start, np.zeros(0), 1.0)
     assert not walled.settled.any()
     np.testing.assert_array_equal(walled.theta_mm.T, start)
     assert next(higher) < 2 * 20, "with the mean sizes, and with each one's own"

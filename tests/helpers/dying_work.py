@@ -2,12 +2,12 @@
 
 import os
 
-from adapt.output.large_runs.parts import Work
+from adapt.output.large_runs.chunked_run import Work
 from motions.table import Motions
 
 
 class DyingWork(Work):
-    """Work that ends its process when a part is asked for."""
+    """Work that ends its process when a chunk file is asked for."""
 
-    def part(self, motions: Motions) -> bytes:
+    def chunk_file(self, motions: Motions) -> bytes:
         os._exit(1)

@@ -20,7 +20,7 @@ from handmade import adaptations
 from adapt import Adaptations
 from adapt.cli import app as cli
 from adapt.cli.commands import fit_runs
-from adapt.output.large_runs import parts
+from adapt.output.large_runs import chunked_run
 from models import ParameterSet
 from motions import Motions
 
@@ -55,7 +55,7 @@ def _main(at: str) -> None:
             _waits(at, "publishing")
         return replace(self, target)
 
-    parts.adapt_checked, fit_runs.write_run, Path.replace = fitting, writing, publishing
+    chunked_run.adapt_checked, fit_runs.write_run, Path.replace = fitting, writing, publishing
     cli.main()
 
 

@@ -2,8 +2,8 @@
 
 import time
 
+from adapt.output.large_runs.chunked_run import Work
 from adapt.output.large_runs.local_processes import in_processes
-from adapt.output.large_runs.parts import Work
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
 
@@ -14,7 +14,7 @@ WAIT_S = 60.0
 class WaitingWork(Work):
     """Work that says that it works, and then takes long."""
 
-    def part(self, motions: Motions) -> bytes:
+    def chunk_file(self, motions: Motions) -> bytes:
         print("working", flush=True)
         time.sleep(WAIT_S)
         return b""

@@ -20,7 +20,6 @@ SAME_BASENAME = {
     "__init__": "every package has one",
     "postures": "solvers/newton is for the plain chain, solvers/projection for any",
     "subjects": "solvers/newton is for the plain chain, solvers/projection for any",
-    "parts": "those of a large run, and those of a joint fit",
     "rows": "motions/motion_csv/rows.py reads them from a file, solvers/rows.py lays them out as arrays",
     "held_out": "evaluation/held_out.py measures the gaps, tables/held_out.py is their table",
 }

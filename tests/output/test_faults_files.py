@@ -18,7 +18,7 @@ from quick_girdle import quick_adaptations
 from started_runs import StartedRun, StartedRuns
 
 from adapt.output import run_files as output
-from adapt.output.large_runs import parts
+from adapt.output.large_runs import chunked_run
 from adapt.output.publishing import UNFINISHED
 from models import load_model
 from models.parameter_sets import model_file
@@ -27,7 +27,7 @@ from motions.files import part_name
 TABLES = {"fits.csv", "heldout.csv", "parameters.csv", "summary.csv", "run.json"}
 
 FULL_KB = 164
-"""Size of a small disk: two subjects need 30 kB, their part twice that, all ten with models five times as much."""
+"""Size of a small disk: two subjects need 30 kB, their chunk file twice that, all ten with models five times that."""
 
 COPIES = 120
 """Copies of the ten subjects: 16 800 postures, more than numpy fits at once, so that programs are compiled."""
@@ -39,7 +39,7 @@ ENDS_WITHIN_S = 120
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Replace the adaptation by one without a solver: the tests check the files, not the results."""
-    monkeypatch.setattr(parts, "adapt_checked", quick_adaptations)
+    monkeypatch.setattr(chunked_run, "adapt_checked", quick_adaptations)
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def went_well(tmp_path_factory) -> Path:
     """Return the folder of a successful run, to be copied."""
     folder = tmp_path_factory.mktemp("went_well")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "adapt_checked", quick_adaptations)
+        patch.setattr(chunked_run, "adapt_checked", quick_adaptations)
         assert girdle("adapt", written(folder, shipped_lines(2)), "--out", folder / "out").status == 0
     return folder / "out"
 
@@ -84,7 +84,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return every file below the folder, also hidden ones, except the parts from which the same run would continue."""
+    """Return every file below the folder, also hidden ones, except the chunk files that the same run would reuse."""
     files = [path for path in folder.rglob("*") if path.is_file() and UNFINISHED not in path.parts]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
@@ -195,7 +195,7 @@ def test_a_full_disk_is_status_2_and_leaves_the_earlier_results(quick, motion, t
 
 @pytest.mark.parametrize("nth", range(1, 9))
 def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, other, monkeypatch, nth):
-    """The ``nth`` file does not fit: the part, fits, parameters, heldout, summary, the two models, run.json."""
+    """The ``nth`` file does not fit: the chunk file, fits, parameters, heldout, summary, the two models, run.json."""
     before, opened, count = contents(earlier), Path.open, iter(range(1, 100))
 
     def full(path: Path, mode: str = "r", **options: Any) -> Any:
@@ -237,7 +237,7 @@ def test_a_disk_with_room_for_the_tables_alone_gets_them_and_keeps_no_older_repo
 
 
 def test_a_read_only_folder_is_status_2_before_any_work(quick, motion, tmp_path, monkeypatch, small_disk):
-    monkeypatch.setattr(parts, "adapt_checked", lambda *_, **__: pytest.fail("worked for nothing"))
+    monkeypatch.setattr(chunked_run, "adapt_checked", lambda *_, **__: pytest.fail("worked for nothing"))
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     for folder in (small_disk, small_disk / "below"):
         refused(girdle("adapt", motion, "--out", folder), str(folder), "Read-only file system", "--out")
@@ -294,7 +294,7 @@ def test_too_little_memory_is_one_sentence_and_leaves_the_earlier_results(earlie
     def out_of_memory(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(parts, "adapt_checked", out_of_memory)
+    monkeypatch.setattr(chunked_run, "adapt_checked", out_of_memory)
     refused(girdle("adapt", other, "--out", earlier), "this run", "too little memory", "a smaller --chunk")
     assert contents(earlier) == before
 

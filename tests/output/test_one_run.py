@@ -9,7 +9,7 @@ from command import Ended, girdle, shipped_lines, written
 from quick_girdle import quick_adaptations
 
 from adapt.output import publishing
-from adapt.output.large_runs import parts
+from adapt.output.large_runs import chunked_run
 from adapt.output.publishing import UNFINISHED
 from adapt.output.run_files import transaction
 from adapt.output.written_files import LIST, last_written
@@ -21,7 +21,7 @@ ADAPTED = {*TABLES, "parameters.csv", "heldout.csv", "report.html", "models/R2_s
 @pytest.fixture
 def motion(tmp_path, monkeypatch) -> Path:
     """Write one subject, and replace the adaptation by one without a solver."""
-    monkeypatch.setattr(parts, "adapt_checked", quick_adaptations)
+    monkeypatch.setattr(chunked_run, "adapt_checked", quick_adaptations)
     return written(tmp_path, shipped_lines(1))
 
 
@@ -135,26 +135,26 @@ def test_a_run_that_was_killed_while_it_replaced_files_leaves_none_that_the_next
 
     with monkeypatch.context() as patch:
         patch.setattr(publishing, "_remove", killed)
-        with suppress(KilledError), transaction(adapted) as part:
+        with suppress(KilledError), transaction(adapted) as staged:
             for name in ("fits.csv", "weights.csv", "run.json"):
-                (part / name).write_text('{"motions": [], "models": []}')
+                (staged / name).write_text('{"motions": [], "models": []}')
     assert {"weights.csv", "parameters.csv"} <= names(adapted)
     assert fits(motion, adapted).err == ""
     assert names(adapted) == TABLES
 
 
-def test_parts_of_stopped_runs_stay_until_a_run_has_come_to_its_end(adapted, motion):
+def test_chunks_of_stopped_runs_stay_until_a_run_has_come_to_its_end(adapted, motion):
     stopped = [adapted / UNFINISHED / (key * 16) / "0000000.npz" for key in "ab"]
     for path in stopped:
         path.parent.mkdir(parents=True)
-        path.write_bytes(b"a part")
-    parts.Parts(adapted, "b" * 16)
+        path.write_bytes(b"a chunk")
+    chunked_run.ChunkFiles(adapted, "b" * 16)
     assert all(path.exists() for path in stopped)
     fits(motion, adapted)
     assert not (adapted / UNFINISHED).exists()
 
 
-def test_a_file_where_parts_would_wait_is_said(motion, tmp_path):
+def test_a_file_where_chunks_would_wait_is_said(motion, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / UNFINISHED).write_text("mine")
     ended = girdle("adapt", motion, "--out", tmp_path / "out")

@@ -9,8 +9,8 @@ import pytest
 
 from adapt import adapt_subjects
 from adapt.api import Adaptations
-from adapt.evaluation.own_or_plain import _parts
-from adapt.output.large_runs.parts import not_adapted
+from adapt.evaluation.own_or_plain import _folds
+from adapt.output.large_runs.chunked_run import not_adapted
 from adapt.own_bones import most_probable
 from models import load_model
 from models.adapted_parameters import ADAPTED
@@ -83,7 +83,7 @@ def test_each_motion_is_left_out_or_each_third():
     """Four problems with six places: two motions; one motion; one posture; three motions, one not counted."""
     counted = np.array([[1, 1, 1, 1, 1, 0], [1, 1, 1, 0, 0, 0], [1, 0, 0, 0, 0, 0], [1, 1, 0, 1, 0, 0]], bool).T
     motion = np.array([[0, 0, 1, 1, 1, 1], [5, 5, 5, 5, 5, 5], [0, 1, 1, 1, 1, 1], [2, 2, 3, 4, 4, 4]]).T
-    problem, fitted, tested = _parts(counted, motion)
+    problem, fitted, tested = _folds(counted, motion)
     assert problem.tolist() == [0, 0, 1, 1, 1, 3, 3]
     np.testing.assert_array_equal(fitted ^ tested, counted[:, problem])
     assert [np.flatnonzero(one).tolist() for one in tested.T] == [[0, 1], [2, 3, 4], [2], [0], [1], [0, 1], [3]]

@@ -19,7 +19,7 @@ from adapt.tables.folds import (
     motions_and_thirds,
     motions_or_thirds,
 )
-from adapt.tables.held_out import NOTHING, by_model, by_subject, fewest_parts
+from adapt.tables.held_out import NOTHING, by_model, by_subject, fewest_folds
 from adapt.trust.assessment import improvement_blocked_by_points, jump_free_share
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
 from adapt.trust.usable_results import trust_sentences
@@ -66,7 +66,7 @@ def test_the_fewest_folds_leave_out_postures_only_of_who_has_one_motion():
     assert [(fold.subject, fold.kind) for fold in found] == [*[(0, MOTION)] * 2, *[(1, POSTURES)] * 3]
 
 
-def test_the_fewest_parts_of_a_table_are_those_of_the_fewest_folds():
+def test_the_fewest_folds_of_a_table_are_those_of_the_fewest_folds():
     """The table is like that of `girdle diagnose`, which has more kinds of folds."""
     motions = two_motions()
     every, fewest = (
@@ -74,10 +74,10 @@ def test_the_fewest_parts_of_a_table_are_those_of_the_fewest_folds():
         for folds in (motions_and_thirds, motions_or_thirds)
     )
     names = {0: "subject", 1: "kind", 2: "held_out"}
-    kept = fewest_parts(every.rename(columns=names), motions.subjects)
+    kept = fewest_folds(every.rename(columns=names), motions.subjects)
     pd.testing.assert_frame_equal(kept, fewest.rename(columns=names))
-    assert fewest_parts(every.rename(columns=names), ["s2"])["subject"].tolist() == ["s2"] * 3
-    assert fewest_parts(NOTHING, motions.subjects).empty
+    assert fewest_folds(every.rename(columns=names), ["s2"])["subject"].tolist() == ["s2"] * 3
+    assert fewest_folds(NOTHING, motions.subjects).empty
 
 
 def test_of_very_many_subjects_every_so_manieth_has_something_held_out():
@@ -119,8 +119,8 @@ def test_of_a_single_kind_of_motion_thirds_are_held_out_with_persons():
         )
 
 
-def test_the_gap_of_a_subject_counts_each_part_by_its_postures():
-    """Two postures with a gap of 1 and four with a gap of 4 degrees give 3; a failed part does not count."""
+def test_the_gap_of_a_subject_counts_each_fold_by_its_postures():
+    """Two postures with a gap of 1 and four with a gap of 4 degrees give 3; a failed fold does not count."""
     rows = [("s1", 2, 1.0), ("s1", 4, 4.0), ("s1", 9, float("nan")), ("s2", 5, 2.0)]
     table = pd.DataFrame(
         [{"model": "R2", "subject": s, "kind": MOTION, "postures": n, "gap_unseen_deg": gap} for s, n, gap in rows]

@@ -20,11 +20,11 @@ from adapt.diagnosis.fit.noise import LEAST_DEG
 from adapt.diagnosis.position_findings import check_there, check_use
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.evaluation.held_out import sample
-from adapt.output.large_runs.parts import not_adapted
+from adapt.output.large_runs.chunked_run import not_adapted
 from adapt.output.large_runs.side_by_side import diagnose_side_by_side
 from adapt.output.result_files import write_adaptations, write_figures, write_positions, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
-from adapt.tables.held_out import fewest_parts
+from adapt.tables.held_out import fewest_folds
 from adapt.tables.muscle_tables import muscle_tables
 from adapt.trust.assessment import assess_trust
 from models.muscles.muscle_lines import muscle_lines_of
@@ -62,17 +62,17 @@ def diagnose_motions(
             result = adapt_with_every_fold(table, models, progress=report)
             given = {"noise_deg": noise_deg, "positions": positions, "position_noise_mm": position_noise_mm}
             diagnoses = Diagnoses(diagnose_side_by_side(table, models, report, result, **given))
-            result = replace(result, heldout=fewest_parts(result.heldout, sample(table.subjects)))
+            result = replace(result, heldout=fewest_folds(result.heldout, sample(table.subjects)))
             report("figures")
-            with transaction(folder) as part:
-                write_figures(part, diagnoses.closest)
-                write_json(as_json(diagnoses), part / "diagnosis.json")
-                write_adaptations(part, result)
-                write_positions(part, diagnoses)
+            with transaction(folder) as staged:
+                write_figures(staged, diagnoses.closest)
+                write_json(as_json(diagnoses), staged / "diagnosis.json")
+                write_adaptations(staged, result)
+                write_positions(staged, diagnoses)
                 options: dict[str, object] = {**given, "angles": angles}
-                write_run(part, "diagnose", record, options, table.rejected)
+                write_run(staged, "diagnose", record, options, table.rejected)
                 failed = not_adapted(result) | diagnoses.closest.left_out
-                wrong = write_report(part, table, models, result, failed, diagnoses=diagnoses)
+                wrong = write_report(staged, table, models, result, failed, diagnoses=diagnoses)
         sets = {one.name: name for one, name in zip(models, asked, strict=True)}
         print_diagnosis(console, diagnoses, tables, _next_command(diagnoses, motions, sets, out, angles))
         say_report(folder, wrong)
@@ -99,15 +99,15 @@ def assess_motions(
     with results_folder(out) as folder:
         with progress(errors) as report:
             found = assess_trust(table, sets, weight, choose_weight, report, own_bones)
-        with transaction(folder) as part:
-            write_adaptations(part, found.adaptations)
+        with transaction(folder) as staged:
+            write_adaptations(staged, found.adaptations)
             for name in ("uncertainty", "plausibility", "contact"):
-                write_table(getattr(found, name), part / f"{name}.csv")
-            write_table(found.subjects, part / "trust.csv")
+                write_table(getattr(found, name), staged / f"{name}.csv")
+            write_table(found.subjects, staged / "trust.csv")
             if found.weights is not None:
-                write_table(found.weights, part / "weights.csv")
+                write_table(found.weights, staged / "weights.csv")
             options = {"weight": weight, "choose_weight": choose_weight, "own_bones": own_bones, "angles": angles}
-            write_run(part, "trust", record, options, table.rejected)
+            write_run(staged, "trust", record, options, table.rejected)
     print_trust(console, found)
     finish(table, not_adapted(found.adaptations))
 
@@ -134,12 +134,12 @@ def compare_muscles(
             report("muscles")
             found = muscle_tables(sets, result.fits, result.parameters, body_mass_kg, load_kg, table)
             report("writing")
-            with transaction(folder) as part:
-                write_adaptations(part, result)
-                write_muscles(part, found)
+            with transaction(folder) as staged:
+                write_adaptations(staged, result)
+                write_muscles(staged, found)
                 options = {"weight": weight, "body_mass_kg": body_mass_kg, "load_kg": load_kg, "angles": angles}
-                write_run(part, "muscles", record, options, table.rejected)
-                wrong = write_report(part, table, sets, result, not_adapted(result), muscles=found)
+                write_run(staged, "muscles", record, options, table.rejected)
+                wrong = write_report(staged, table, sets, result, not_adapted(result), muscles=found)
         print_muscles(console, found)
         say_report(folder, wrong)
     finish(table, not_adapted(result))

@@ -28,11 +28,11 @@ def drive_motions(motions: list[Path], out: Path, model: str, inverse: bool) -> 
     read = read_motions if inverse else read_free_coordinates
     table = Motions.concatenate([read(path) for path in motions])
     found = (coordinates_of_postures if inverse else driven_postures)(table, parameters)
-    with results_folder(out) as folder, transaction(folder) as part:
-        write_table(found.table, part / "driven.csv")
+    with results_folder(out) as folder, transaction(folder) as staged:
+        write_table(found.table, staged / "driven.csv")
         if not inverse and (reached := found.as_motions) is not None:
-            write_motions(reached, part / "motions.csv")
-        write_run(part, "drive", record, {"inverse": inverse}, table.rejected)
+            write_motions(reached, staged / "motions.csv")
+        write_run(staged, "drive", record, {"inverse": inverse}, table.rejected)
     _print_driven(console, found)
     finish(table, found.failed)
 

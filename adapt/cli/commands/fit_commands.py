@@ -81,7 +81,7 @@ def adapt(
     motion, adapted without it), run.json, report.html (the page to look at) and, in models/, each adapted model as a
     TOML file for --model. positions.csv is added where positions of SC, AC, TS, AI or AA were measured.
 
-    Any number of subjects is worked on in parts, in bounded memory; a run that was stopped continues where it stopped.
+    Any number of subjects is worked on in chunks, in bounded memory; a run that was stopped continues where it stopped.
     """
     from adapt.cli.commands.fit_runs import AdaptOptions, adapt_motions  # slow import: JAX and pandas
     from adapt.cli.commands.known_effects import effects_of

@@ -33,9 +33,9 @@ from adapt.cli.terminal.print_tables import (
 from adapt.cli.terminal.print_verdict import print_verdicts
 from adapt.evaluation.held_out import sample
 from adapt.output.adapted_models import OWN_BONES, write_adapted_models
+from adapt.output.large_runs.chunked_run import LANES, MOST_SHOWN, ChunkFiles, Merged, Work, failed_subjects
 from adapt.output.large_runs.dask_cluster import on_cluster
 from adapt.output.large_runs.local_processes import on_this_machine
-from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Merged, Parts, Work, failed_subjects
 from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
 from adapt.own_bones.own_adaptation import People, learn_people
@@ -57,10 +57,10 @@ def fit_motions(
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = fit_postures(table, sets, report, np.float32 if float32 else np.float64, effects)
-        with transaction(folder) as part:
-            write_fits(part, result)
+        with transaction(folder) as staged:
+            write_fits(staged, result)
             options = {"float32": float32, "angles": angles, "effect": effect}
-            write_run(part, "fit", record, options, table.rejected)
+            write_run(staged, "fit", record, options, table.rejected)
     print_summary(console, result.summary, len(table.subjects))
     say_known(Known(effects))
     finish(table, failed_subjects(result.fits))
@@ -115,17 +115,17 @@ def adapt_motions(
     chunks = _chunks(files, missing, asked.angles, size)  # finds bad input before the folder of the results is made
     options: dict[str, object] = asdict(asked)
     with results_folder(out) as folder:
-        parts = Parts(folder, run_key(record, options | {"chunk": size}))
+        chunk_files = ChunkFiles(folder, run_key(record, options | {"chunk": size}))
         with progress(errors) as report:
-            table = parts.make(work, chunks, maker, report)
+            table = chunk_files.make(work, chunks, maker, report)
             report("writing")
-            with transaction(folder) as part:
-                result = parts.merge(part, work)
-                write_adapted_models(part, models, result.parameters, _in_words(work, asked.angles, known))
+            with transaction(folder) as staged:
+                result = chunk_files.merge(staged, work)
+                write_adapted_models(staged, models, result.parameters, _in_words(work, asked.angles, known))
                 table = replace(table, rejected=(*files.rejected, *missing.values()))
-                write_run(part, "adapt", record, options, table.rejected)
+                write_run(staged, "adapt", record, options, table.rejected)
                 wrong = write_report(
-                    part,
+                    staged,
                     table,
                     models,
                     result.shown,
@@ -142,8 +142,8 @@ def adapt_motions(
 
 def _chunks(files: MotionStream, missing: dict[str, InputError], angles: str, size: int) -> Iterator[Motions]:
     """Read ``size`` subjects at a time, the first chunk immediately."""
-    parts = (without_subjects(part, missing) for part in files.in_chunks(size))
-    chunks = (one for one in (with_angles(part, angles) for part in parts) if len(one.posture))
+    every = (without_subjects(one, missing) for one in files.in_chunks(size))
+    chunks = (one for one in (with_angles(each, angles) for each in every) if len(one.posture))
     first = not_empty(next(chunks, None), angles)
     warn_of_alike_motions(first, "the motions")
     return chain([first], chunks)
@@ -175,10 +175,10 @@ def _people(
     known: Known,
     angles: str,
 ) -> People:
-    """Learn how the persons of the whole run differ, so that no result depends on the number of parts."""
+    """Learn how the persons of the whole run differ, so that no result depends on the number of chunks."""
     chosen = list(own_sample(subjects))
-    parts = (without_subjects(part, missing) for part in files.in_chunks(LANES))
-    motions = with_angles(Motions.concatenate([part.select(np.isin(part.subject, chosen)) for part in parts]), angles)
+    every = (without_subjects(one, missing) for one in files.in_chunks(LANES))
+    motions = with_angles(Motions.concatenate([one.select(np.isin(one.subject, chosen)) for one in every]), angles)
     with progress(errors) as report:
         report("how persons differ")
         return learn_people(posture_rows(motions, known.effects), models)

@@ -41,10 +41,10 @@ def simulate_subjects(out: Path, model: str, effect: str, subjects: int, noise_d
         with progress(errors) as report:
             report("simulating")
             result = simulate_model_subjects(parameters, hidden, subjects, noise_deg, seed)
-        with transaction(folder) as part:
-            write_motions(result.motions, part / "motions.csv")
-            write_table(result.truth, part / "truth.csv")
-            write_run(part, "simulate", record, options)
+        with transaction(folder) as staged:
+            write_motions(result.motions, staged / "motions.csv")
+            write_table(result.truth, staged / "truth.csv")
+            write_run(staged, "simulate", record, options)
     console.print(
         f"{len(result.motions.posture)} simulated postures of {subjects} subjects in {folder / 'motions.csv'}"
     )

@@ -7,7 +7,7 @@ from adapt.cli.inputs import read_inputs
 from adapt.cli.options import console, errors
 from adapt.cli.terminal.console import progress
 from adapt.cli.terminal.print_thesis import print_answers, print_comparison
-from adapt.output.large_runs.parts import not_adapted
+from adapt.output.large_runs.chunked_run import not_adapted
 from adapt.output.run_files import results_folder, transaction, write_run, write_table
 from adapt.trust.questions.answers import answered, answers_table
 from adapt.trust.thesis.comparison import MotionNames, comparison, lacking
@@ -22,10 +22,10 @@ def compare_with_thesis(
     with results_folder(out) as folder:
         with progress(errors) as report:
             found = comparison(table, sets, names, mean, report)
-        with transaction(folder) as part:
-            write_table(found.table, part / "comparison.csv")
+        with transaction(folder) as staged:
+            write_table(found.table, staged / "comparison.csv")
             options = {"mean": mean, "abduction": abduction, "flexion": flexion, "angles": angles}
-            write_run(part, "compare", record, options, table.rejected)
+            write_run(staged, "compare", record, options, table.rejected)
     print_comparison(console, found.table)
     failed = {} if found.adaptations is None else not_adapted(found.adaptations)
     finish(table, lacking(table, names, mean) | failed)
@@ -37,8 +37,8 @@ def answer_questions(motions: list[Path], out: Path, models: list[str], mean: li
     with results_folder(out) as folder:
         with progress(errors) as report:
             found = answered(table, sets, mean, report)
-        with transaction(folder) as part:
-            write_table(answers_table(found), part / "questions.csv")
-            write_run(part, "questions", record, {"mean": mean}, table.rejected)
+        with transaction(folder) as staged:
+            write_table(answers_table(found), staged / "questions.csv")
+            write_run(staged, "questions", record, {"mean": mean}, table.rejected)
     print_answers(console, found)
     finish(table, found.left_out)

@@ -34,12 +34,12 @@ def check_landmarks(landmarks: Path, out: Path, other: Path | None, names: Path 
     for subject, rows in () if thorax is None else thorax.groupby("subject", sort=False):
         if turned := against_global(rows[list(THORAX_COLUMNS)].to_numpy(float)):
             warn_input(InputError(str(landmarks), None, f"{subject}: {turned[0]}", turned[1]))
-    with results_folder(out) as folder, transaction(folder) as part:
+    with results_folder(out) as folder, transaction(folder) as staged:
         for name, table in zip(("distances", "rigid_motions"), tables, strict=True):
-            write_table(table, part / f"{name}.csv")
+            write_table(table, staged / f"{name}.csv")
         if thorax is not None:
-            write_table(thorax, part / "thorax.csv")
-        write_run(part, "check", inputs_record([path for path in (landmarks, other) if path], []), {})
+            write_table(thorax, staged / "thorax.csv")
+        write_run(staged, "check", inputs_record([path for path in (landmarks, other) if path], []), {})
     _print_tables(console, *tables, thorax)
     wrong = [] if other is not None else [error for own in sets for error in unsound(own, str(landmarks))]
     for error in wrong:

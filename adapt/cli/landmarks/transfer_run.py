@@ -44,11 +44,11 @@ def transfer_attachments(
         distances = distances_table(carried.points_mm, shapes, known, target.mesh)
     except ValueError as error:
         raise InputError(str(attachments), None, str(error), "Say shape line, or give its contour") from error
-    with results_folder(out) as folder, transaction(folder) as part:
-        write_table(points_table(carried.points_mm, shapes), part / "attachments.csv")
-        write_table(distances, part / "distances.csv")
+    with results_folder(out) as folder, transaction(folder) as staged:
+        write_table(points_table(carried.points_mm, shapes), staged / "attachments.csv")
+        write_table(distances, staged / "distances.csv")
         options = {"surface_unit": surface_unit, "same_bone": same_bone}
-        write_run(part, "transfer", inputs_record([path for path in files if path], []), options)
+        write_run(staged, "transfer", inputs_record([path for path in files if path], []), options)
     _print_carried(console, carried, distances, same_bone)
 
 

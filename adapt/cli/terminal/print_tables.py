@@ -121,7 +121,7 @@ def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> Non
     if not known:
         return
     means = by_model(heldout).to_dict("index")
-    parts = heldout.groupby(["model", "subject"]).size()
+    folds = heldout.groupby(["model", "subject"]).size()
     for model, rows in by_subject(heldout).groupby("model", sort=False):
         title = (
             f"{model}: mean |simulated - measured|, degrees,\nbefore adaptation, after it (in sample),\n"
@@ -130,7 +130,7 @@ def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> Non
         table = folding_table(title, ("subject",), ("clav", "after", "held", "scap", "after", "held"))
         table.add_column("held out", no_wrap=True)
         for row in rows.to_dict("records") if known <= _MOST_PRINTED else ():
-            said = f"{parts[model, row['subject']]} motions" if row["kind"] == MOTION else "thirds"
+            said = f"{folds[model, row['subject']]} motions" if row["kind"] == MOTION else "thirds"
             table.add_row(row["subject"], *_heldout_cells(row), said)
         table.add_section()
         table.add_row("mean", *_heldout_cells(means[model]), "")

@@ -19,7 +19,7 @@ _LEAST_WIDTH = 40
 
 
 _WHAT_WAS_HELD_OUT = {frozenset({MOTION}): "motions", frozenset({POSTURES}): "postures"}
-"""Words for the held-out parts, by kinds of folds (``adapt.tables.folds``)."""
+"""Words for held-out motions and postures, by kinds of folds (``adapt.tables.folds``)."""
 
 
 def print_folded(console: Console, text: str, first: str = "", further: str = "  ") -> None:

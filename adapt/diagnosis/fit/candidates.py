@@ -10,8 +10,8 @@ from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.solvers.projection.grouped_problems import acting
 from adapt.solvers.projection.nearest_posture import strengths_of
-from adapt.solvers.projection.parts import acting
 from models.effects import EFFECTS, Effect
 from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers, with_sizes_of
 from models.parameter_sets import ParameterSet

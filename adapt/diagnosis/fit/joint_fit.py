@@ -1,8 +1,8 @@
 """Joint fits of the diagnosis: subjects with sets of causes, on all or some of their postures, as one batch.
 
 Each subject has the objective E of ``girdle adapt`` (thesis Eq. 6.5), with thorax down-weighting where the thorax
-points are another person's (``Model.thorax_downweighting``); see ``adapt.solvers.projection.gauss_newton``. A part is
-one subject in one group; the parts of a group have one set of causes.
+points are another person's (``Model.thorax_downweighting``); see ``adapt.solvers.projection.gauss_newton``. A problem
+is one subject in one group; the problems of a group have one set of causes.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.objective import WEIGHT, down_weighted
 from adapt.solvers.problems import Sets, sets_of
 from adapt.solvers.projection.gauss_newton import End, Objective, minimise
+from adapt.solvers.projection.grouped_problems import GroupedProblems, Shared
 from adapt.solvers.projection.nearest_posture import Nearest
-from adapt.solvers.projection.parts import Parts, Shared
 from adapt.solvers.projection.thorax_term import Thorax
 from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.effects import Effect
@@ -43,7 +43,7 @@ predicts better, whatever is active. w = 300 predicts held-out motions of measur
 parameter set (docs/research/trust.md)."""
 
 
-class Part(NamedTuple):
+class JointProblem(NamedTuple):
     """One subject in one group, with the rows that it is adapted to."""
 
     subject: int
@@ -77,8 +77,8 @@ class Model:
         """Adapted parameters as the parameter sets have them."""
         return np.asarray(self.sets.girdle.adapted_mm).T
 
-    def thorax(self, subject: Int[np.ndarray, " parts"]) -> Thorax:
-        """Return the thorax points of parts with these subjects."""
+    def thorax(self, subject: Int[np.ndarray, " problems"]) -> Thorax:
+        """Return the thorax points of problems with these subjects."""
         girdle, points, weights = take_problems(
             (self.sets.girdle, self.sets.points_mm, self.sets.point_weights), subject
         )
@@ -87,40 +87,40 @@ class Model:
 
 @dataclass(frozen=True)
 class JointFit:
-    """Joint fit of a model to subjects, with the candidates and the parts."""
+    """Joint fit of a model to subjects, with the candidates and the problems."""
 
     model: Model
     shoulders: Shoulders
     candidates: Candidates
-    parts: tuple[Part, ...]
+    problems: tuple[JointProblem, ...]
     positions: PositionRows | None = None
     """Measured landmarks of all shoulders, where they are data of the fits."""
 
     @cached_property
     def rows(self) -> Int[np.ndarray, " every"]:
-        """Row indices of all parts, one part after the other."""
-        return np.concatenate([part.rows for part in self.parts])
+        """Row indices of all problems, one problem after the other."""
+        return np.concatenate([problem.rows for problem in self.problems])
 
     @cached_property
-    def subject(self) -> Int[np.ndarray, " parts"]:
-        """Subject number of each part."""
-        return np.array([part.subject for part in self.parts])
+    def subject(self) -> Int[np.ndarray, " problems"]:
+        """Subject number of each problem."""
+        return np.array([problem.subject for problem in self.problems])
 
     @cached_property
-    def group(self) -> Int[np.ndarray, " parts"]:
-        """Group number of each part."""
-        return np.array([part.group for part in self.parts])
+    def group(self) -> Int[np.ndarray, " problems"]:
+        """Group number of each problem."""
+        return np.array([problem.group for problem in self.problems])
 
     @property
     def groups(self) -> int:
         """Number of groups."""
-        return self.parts[-1].group + 1
+        return self.problems[-1].group + 1
 
     @cached_property
-    def _parts(self) -> Parts:
-        counts = np.array([len(part.rows) for part in self.parts])
+    def _grouped(self) -> GroupedProblems:
+        counts = np.array([len(problem.rows) for problem in self.problems])
         of_row = np.repeat(np.arange(len(counts)), counts)
-        return Parts(
+        return GroupedProblems(
             girdle=take_problems(self.model.sets.girdle, self.subject),
             thorax=self.model.thorax(self.subject),
             bounds_mm=tuple(self.model.sets.bounds_mm[..., self.subject]),
@@ -129,7 +129,7 @@ class JointFit:
             angles=self.shoulders.angles[:, self.rows],
             measured=self.shoulders.measured[:, self.rows],
             weights=self.model.weight / counts[of_row] * self.shoulders.weights[self.rows],
-            part=of_row,
+            problem=of_row,
             group=self.group,
             strengths_are_known=True,  # slopes in the strengths come from with_whole_slopes
         )
@@ -137,7 +137,7 @@ class JointFit:
     def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:
         """Lay out the amplitudes of each group's hypothesis, padded with idle amplitudes to the largest hypothesis."""
         places = [self.candidates.where(one) for one in hypotheses]
-        most, group_of_row = max(map(len, places)), self.group[self._parts.part]
+        most, group_of_row = max(map(len, places)), self.group[self._grouped.problem]
         every, strengths = self.candidates.acting
         channels = np.zeros((len(every), most, self.groups), int)
         columns = np.zeros((len(every), most, len(self.rows)))
@@ -150,15 +150,15 @@ class JointFit:
         used = columns.any(axis=(1, 2))
         return Shared(channels[used], columns[used], scale, mean)
 
-    def of(self, parts: tuple[Part, ...]) -> "JointFit":
-        """Return this fit with other parts."""
-        return replace(self, parts=parts)
+    def of(self, problems: tuple[JointProblem, ...]) -> "JointFit":
+        """Return this fit with other problems."""
+        return replace(self, problems=problems)
 
     def _strengths(
         self, hypotheses: Sequence[Hypothesis], amplitudes: Sequence[Float[np.ndarray, " own"]]
     ) -> Float[np.ndarray, "channels every"]:
         """Compute the strengths of each group's hypothesis with these amplitudes, at the rows of the group."""
-        found, group = np.zeros(self._parts.strengths.shape), self.group[self._parts.part]
+        found, group = np.zeros(self._grouped.strengths.shape), self.group[self._grouped.problem]
         for number, (hypothesis, amplitude) in enumerate(zip(hypotheses, amplitudes, strict=True)):
             own, where = group == number, self.candidates.where(hypothesis)
             found[:, own] = np.einsum(
@@ -169,25 +169,25 @@ class JointFit:
     def nearest(
         self,
         hypotheses: Sequence[Hypothesis],
-        theta_mm: Float[np.ndarray, "parts adapted"],
+        theta_mm: Float[np.ndarray, "problems adapted"],
         amplitudes: Sequence[Float[np.ndarray, " own"]],
     ) -> Nearest:
         """Find the nearest postures of all rows with each group's hypothesis and amplitudes, and the whole slopes."""
         strengths = self._strengths(hypotheses, amplitudes)
-        return self._parts.with_whole_slopes(theta_mm.T, strengths, self._parts.nearest(theta_mm.T, strengths))
+        return self._grouped.with_whole_slopes(theta_mm.T, strengths, self._grouped.nearest(theta_mm.T, strengths))
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
         """Return E of a batch of hypotheses, one group per hypothesis; this fit must have a single group."""
         groups = range(len(hypotheses))
-        every = self.of(tuple(part._replace(group=group) for group in groups for part in self.parts))
-        return Objective(every._parts, every._shared(hypotheses))
+        every = self.of(tuple(problem._replace(group=group) for group in groups for problem in self.problems))
+        return Objective(every._grouped, every._shared(hypotheses))
 
     def from_starts(self) -> End:
-        """Adapt every part without effects from each starting point of ``girdle adapt``, and keep the lowest E."""
+        """Adapt every problem without effects from each starting point of ``girdle adapt``, and keep the lowest E."""
         first = self.model.theta_mm[self.subject]
         none = np.zeros((0, self.groups))
         nothing = self._shared([()] * self.groups)
-        found = [_minimum(self._parts, nothing, first + start, none) for start in STARTS_MM]
+        found = [_minimum(self._grouped, nothing, first + start, none) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E
@@ -196,8 +196,8 @@ class JointFit:
         return best
 
 
-def _minimum(parts: Parts, shared: Shared, theta_mm, amplitude) -> End:
-    return minimise(parts, shared, theta_mm.T, amplitude, lambda gain, _: gain < SETTLED, _MOST_STEPS)
+def _minimum(problems: GroupedProblems, shared: Shared, theta_mm, amplitude) -> End:
+    return minimise(problems, shared, theta_mm.T, amplitude, lambda gain, _: gain < SETTLED, _MOST_STEPS)
 
 
 @dataclass(frozen=True)
@@ -221,6 +221,6 @@ def linearise(joint: JointFit, theta_mm: Float[np.ndarray, "subjects adapted"]) 
     return Linearised(joint, theta_mm, y, Z, B)
 
 
-def everybody(shoulders: Shoulders) -> tuple[Part, ...]:
+def everybody(shoulders: Shoulders) -> tuple[JointProblem, ...]:
     """Put all postures of all subjects in one group."""
-    return tuple(Part(s, 0, shoulders.rows_of(s)) for s in range(len(shoulders.subjects)))
+    return tuple(JointProblem(s, 0, shoulders.rows_of(s)) for s in range(len(shoulders.subjects)))

@@ -120,7 +120,7 @@ def _added(
 
 
 class _OfGroups(NamedTuple):
-    """State of the iteration of each hypothesis, beside the adapted parameters of its parts."""
+    """State of the iteration of each hypothesis, beside the adapted parameters of its problems."""
 
     a: Float[np.ndarray, "own groups"]
     f: Float[np.ndarray, "factors groups"]
@@ -137,7 +137,7 @@ class _OfGroups(NamedTuple):
 
 def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions, added) -> Steps:
     """Evaluate the starting point, clipped to the bounds."""
-    theta, groups = np.clip(theta, *objective.parts.bounds_mm), a.shape[1]
+    theta, groups = np.clip(theta, *objective.problems.bounds_mm), a.shape[1]
     nowhere, f = np.full(groups, np.inf), np.zeros((likelihood.shared, groups))
     first = _OfGroups(a, f, by_positions, added, nowhere, np.zeros(groups), np.ones(groups, bool))
     near, total = _at(likelihood, objective, theta, first, None)
@@ -147,30 +147,30 @@ def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions,
 def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Steps:
     """Take a step in every unfinished group if -2 log p does not rise and no chain opens; increase the damping of the
     other groups."""
-    parts, shared, (near, theta, now) = objective.parts, objective.shared, steps
+    problems, shared, (near, theta, now) = objective.problems, objective.shared, steps
     gradient, undamped = _quadratic(likelihood, objective, steps)
     matrix = undamped.copy()
-    np.einsum("iip->ip", matrix)[:] *= 1.0 + now.damping[parts.group]
-    (lower, upper), factors = parts.bounds_mm, len(now.f)
+    np.einsum("iip->ip", matrix)[:] *= 1.0 + now.damping[problems.group]
+    (lower, upper), factors = problems.bounds_mm, len(now.f)
     precision = np.concatenate([np.ones(now.f.shape), 1.0 / shared.scale**2])
     prior_gradient = precision * np.concatenate([now.f, now.a - shared.mean])
     prior_matrix = np.eye(len(precision))[..., None] * precision
     prior_matrix[factors:, factors:] += now.by_positions[:-1, :-1]
     prior_gradient[factors:] += np.einsum("ijg,jg->ig", now.by_positions[:-1], _and_1(now.a))
-    dtheta, d = lowest(gradient, matrix, parts.group, prior_gradient, prior_matrix, (lower - theta, upper - theta))
-    every = np.concatenate([dtheta, d[:, parts.group]])
-    expected = np.bincount(parts.group, _decrease(gradient, undamped, every), len(now.total))
+    dtheta, d = lowest(gradient, matrix, problems.group, prior_gradient, prior_matrix, (lower - theta, upper - theta))
+    every = np.concatenate([dtheta, d[:, problems.group]])
+    expected = np.bincount(problems.group, _decrease(gradient, undamped, every), len(now.total))
     expected += _decrease(prior_gradient, prior_matrix, d)
     tried = now._replace(f=now.f + d[:factors], a=now.a + d[factors:])
     there, total = _at(likelihood, objective, theta + dtheta, tried, near.angles)
-    opened = np.bincount(parts.group[parts.part], newly_open(near, there), len(total)) > 0
+    opened = np.bincount(problems.group[problems.problem], newly_open(near, there), len(total)) > 0
     better = now.going & (total <= now.total) & ~opened
     share = np.where(better, now.total - total, 0.0) / np.where(expected > 0.0, expected, 1.0)
     damping = _DAMPING.after(now.damping, better, share)
     ended = better & (now.total - total < _ENOUGH) & (now.damping < STUCK)
-    taken = better[parts.group]
+    taken = better[problems.group]
     return (
-        where_problems(taken[parts.part], there, near),
+        where_problems(taken[problems.problem], there, near),
         np.where(taken, theta + dtheta, theta),
         where_problems(better, tried._replace(total=total), now)._replace(
             damping=damping, going=now.going & ~ended & (damping < _DAMPING.hopeless)
@@ -182,9 +182,9 @@ def _at(
     likelihood: Likelihood, objective: Objective, theta, at: _OfGroups, start
 ) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
     """Compute the nearest postures, and -2 log p of every group."""
-    near, parts, shared = objective.nearest(theta, at.a, start, _NEAR), objective.parts, objective.shared
+    near, problems, shared = objective.nearest(theta, at.a, start, _NEAR), objective.problems, objective.shared
     total = (((at.a - shared.mean) / shared.scale) ** 2).sum(axis=0) + (at.f**2).sum(axis=0)
-    total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), len(total))
+    total += np.bincount(problems.group[problems.problem], cost_of_open_chains(near), len(total))
     total += np.einsum("ig,ijg,jg->g", _and_1(at.a), at.by_positions, _and_1(at.a))
     white = likelihood.values(_y_beside_positions(near, at), _by_group(theta, at), at.f.T)
     total += sum((one**2).reshape(len(total), -1).sum(axis=1) for one in white)
@@ -200,8 +200,8 @@ def _and_1(a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "own+1 group
 
 
 def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
-    """Compute gradient and Gauss-Newton matrix of -log p of every part in theta, f and a, without the priors of f and a
-    and the quadratic form of a given the positions."""
+    """Compute gradient and Gauss-Newton matrix of -log p of every problem in theta, f and a, without the priors of f
+    and a and the quadratic form of a given the positions."""
     near, theta, at = steps
     near = objective.with_whole_slopes(theta, at.a, near)
     slopes = np.concatenate([near.by_theta, objective.by_amplitude(near)], axis=1)
@@ -224,6 +224,8 @@ def _rows_first(x: Float[np.ndarray, "3 n every"], at: _OfGroups) -> Float[np.nd
     return np.moveaxis(x.reshape(*x.shape[:2], len(at.total), -1), (0, 1), (2, 3))
 
 
-def _by_group(theta: Float[np.ndarray, "adapted parts"], at: _OfGroups) -> Float[np.ndarray, "groups subjects adapted"]:
+def _by_group(
+    theta: Float[np.ndarray, "adapted problems"], at: _OfGroups
+) -> Float[np.ndarray, "groups subjects adapted"]:
     """Split the parameters by group."""
     return theta.T.reshape(len(at.total), -1, _N)

@@ -17,10 +17,10 @@ from adapt.tables.folds import MOTION, Fold, Label, motions_and_persons
 
 @dataclass(frozen=True)
 class Folds:
-    """All folds. The parts, one per subject and held-out motion (or third), are the same for every kind of fold."""
+    """All folds: of each kind, one per subject and held-out motion (or third)."""
 
     each: tuple[Fold, ...]
-    """Folds; every kind has the same parts in the same order."""
+    """Folds; those of every kind are of the same subjects and motions in the same order."""
     label: Label
     """Name of the motion or third with which each row is held out."""
 
@@ -34,8 +34,8 @@ class Folds:
         return Folds(tuple(fold for fold in self.each if fold.kind == kind), self.label)
 
     @cached_property
-    def subject(self) -> Int[np.ndarray, " parts"]:
-        """Subject number of each part."""
+    def subject(self) -> Int[np.ndarray, " folds"]:
+        """Subject number of each fold of a kind."""
         return np.array([fold.subject for fold in self.each if fold.kind == MOTION])
 
 

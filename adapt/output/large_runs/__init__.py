@@ -1,1 +1,1 @@
-"""Runs of any number of subjects: in parts, resumable, in one process, in several, or on a Dask cluster."""
+"""Runs of any number of subjects: in chunks, resumable, in one process, in several, or on a Dask cluster."""

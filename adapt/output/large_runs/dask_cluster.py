@@ -1,4 +1,4 @@
-"""Parts made by the workers of a Dask cluster: one process per core or device, each with girdle installed.
+"""Chunk files made by the workers of a Dask cluster: one process per core or device, each with girdle installed.
 
 The scheduler unpickles every task. A task is bytes and a function of this module, which imports neither JAX nor pandas.
 So the scheduler imports neither, and needs a third of the memory.
@@ -12,19 +12,19 @@ from adapt.engine.compilation_cache import keep_compiled
 from motions.errors import InputError, pip_install
 
 if TYPE_CHECKING:
-    from adapt.output.large_runs.parts import Chunks, Maker, Work
+    from adapt.output.large_runs.chunked_run import Chunks, Maker, Work
 
 _CONNECT_S = 10.0
 
 _WAITING = 2
-"""Requested parts per worker: one that it makes and one that it continues with; more would only fill its memory."""
+"""Requested chunks per worker: one that it makes and one that it continues with; more would only fill its memory."""
 
 
 def on_cluster(address: str) -> "Maker":
-    """Build a maker of parts on the scheduler at this address; InputError without Dask or without an answer.
+    """Build a maker of chunk files on the scheduler at this address; InputError without Dask or without an answer.
 
-    If a worker is lost, another one makes its part again: a part depends on nothing but its chunk, and the process that
-    requested the parts writes each once.
+    If a worker is lost, another one makes its chunk file again: it depends on nothing but its chunk, and the process
+    that requested the chunk files writes each once.
     """
     try:
         from distributed import Client, as_completed
@@ -45,7 +45,7 @@ def on_cluster(address: str) -> "Maker":
 
             def ask() -> None:
                 for number, motions in chunks:
-                    future = client.submit(_part, shared, pickle.dumps(motions), pure=False)
+                    future = client.submit(_chunk_file, shared, pickle.dumps(motions), pure=False)
                     numbers[future] = number
                     ended.add(future)
                     if len(numbers) >= _WAITING * max(1, len(client.nthreads())):
@@ -70,6 +70,6 @@ def _client(client: Any, address: str) -> Any:
         ) from error
 
 
-def _part(work: "Work", motions: bytes) -> bytes:
+def _chunk_file(work: "Work", motions: bytes) -> bytes:
     keep_compiled()
-    return work.part(pickle.loads(motions))
+    return work.chunk_file(pickle.loads(motions))

@@ -1,4 +1,4 @@
-"""Parts made by several processes of this machine: with many parts, tables and files take as long as the fits."""
+"""Chunk files made by several processes of this machine: tables and files of many chunks take as long as the fits."""
 
 import os
 from collections import deque
@@ -13,37 +13,37 @@ import jax
 
 from adapt.engine.batching import cores, use_cores
 from adapt.engine.compilation_cache import keep_compiled
-from adapt.output.large_runs.parts import Chunks, Maker, Work, one_after_another
+from adapt.output.large_runs.chunked_run import Chunks, Maker, Work, one_after_another
 from motions.errors import InputError
 from motions.table import Motions
 
-MANY_PARTS = 8
-"""Number of parts from which several processes are used: the start of a process takes 3 s, a part 3 s."""
+MANY_CHUNKS = 8
+"""Number of chunks from which several processes are used: the start of a process takes 3 s, a chunk 3 s."""
 
 ENDED_BY_THE_SYSTEM = "the system ended a process, most likely because memory ran out"
 
 _WAITING = 2
-"""Requested parts per process: one that it makes and one that it continues with; more would only fill memory."""
+"""Requested chunks per process: one that it makes and one that it continues with; more would only fill memory."""
 
 
-def on_this_machine(parts: int) -> Maker:
-    """Choose the maker of this number of parts: processes if there are many parts, and cores to share."""
-    return in_processes if parts >= MANY_PARTS and cores() > 1 else one_after_another
+def on_this_machine(chunks: int) -> Maker:
+    """Choose the maker for this number of chunks: processes if there are many, and cores to share."""
+    return in_processes if chunks >= MANY_CHUNKS and cores() > 1 else one_after_another
 
 
 def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
-    """Make the parts in one process per core, each on one core. InputError if the system ends a process."""
+    """Make the chunk files in one process per core, each on one core. InputError if the system ends a process."""
     processes = cores()
     asked: deque[tuple[int, Future[bytes]]] = deque()
     try:
         with processes_given(work, processes, cores_each=1) as pool:
             for number, motions in chunks:
-                asked.append((number, pool.submit(_part, motions)))
+                asked.append((number, pool.submit(_chunk_file, motions)))
                 if len(asked) >= _WAITING * processes:
-                    number, part = asked.popleft()
-                    yield number, part.result()
-            for number, part in asked:
-                yield number, part.result()
+                    number, content = asked.popleft()
+                    yield number, content.result()
+            for number, content in asked:
+                yield number, content.result()
     except BrokenProcessPool as error:
         remedy = "Start it again: it continues where it was. A smaller --chunk takes less memory"
         raise InputError("the adaptation", None, ENDED_BY_THE_SYSTEM, remedy) from error
@@ -82,5 +82,5 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _part(motions: Motions) -> bytes:
-    return given().part(motions)
+def _chunk_file(motions: Motions) -> bytes:
+    return given().chunk_file(motions)

@@ -23,18 +23,18 @@ def _text(column: pd.Series) -> Shaped[np.ndarray, " rows"]:
     return np.array(column.tolist(), dtype=str)
 
 
-def as_table(parts: Callable[[], Iterable[Rows]]) -> pd.DataFrame:
-    """Convert arrays of the same columns to one table; a part without rows has no influence on the column types.
+def as_table(chunks: Callable[[], Iterable[Rows]]) -> pd.DataFrame:
+    """Convert arrays of the same columns to one table; a chunk without rows has no influence on the column types.
 
-    ``parts`` yields the arrays anew for each column: all arrays at once would take as much memory as the table again.
+    ``chunks`` yields the arrays anew for each column: all arrays at once would take as much memory as the table again.
     """
     columns: tuple[str, ...] = ()
-    for rows in parts():
+    for rows in chunks():
         columns = rows.dtype.names or ()
         if len(rows):
             break
     else:
         return pd.DataFrame(columns=list(columns))
-    # copies: a view of one column would hold all columns of its part
-    found = {one: np.concatenate([rows[one].copy() for rows in parts() if len(rows)]) for one in columns}
+    # copies: a view of one column would hold all columns of its chunk
+    found = {one: np.concatenate([rows[one].copy() for rows in chunks() if len(rows)]) for one in columns}
     return pd.DataFrame(found, copy=False)  # no second table in one block

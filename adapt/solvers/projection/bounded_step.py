@@ -1,10 +1,10 @@
 """Exact minimum, within bounds, of the quadratic model of many adaptations that share amplitudes.
 
-Part i has its own adapted parameters theta_i; the parts of a group share the amplitudes a. In the model
+Problem i has its own adapted parameters theta_i; the problems of a group share the amplitudes a. In the model
 
     sum_i (1/2 d_i' H_i d_i + g_i' d_i) + 1/2 (a - a_now)' P (a - a_now) + p' (a - a_now),   d_i = (dtheta_i, da),
 
-theta_i is eliminated from each part (6 x 6), then each group is solved for da. A primal-dual active set handles the
+theta_i is eliminated from each problem (6 x 6), then each group is solved for da. A primal-dual active set handles the
 bounds.
 """
 
@@ -20,26 +20,26 @@ _MOST_CHANGES = 40
 the bounds."""
 
 _ALL_AT_ONCE = 8
-"""Number of changes of the active set in which each part exchanges all parameters that are wrong. Later changes
-exchange one parameter per part; otherwise half of the steps from ten simulated subjects would cycle."""
+"""Number of changes of the active set in which each problem exchanges all parameters that are wrong. Later changes
+exchange one parameter per problem; otherwise half of the steps from ten simulated subjects would cycle."""
 
 _AT_BOUND_MM = 1e-9
 
-_Model = tuple[Float[np.ndarray, "parts n"], Float[np.ndarray, "parts n n"], Int[np.ndarray, " parts"]]
-"""Gradient and matrix in theta and the amplitudes, parts first as LAPACK has them; the group of each part."""
+_Model = tuple[Float[np.ndarray, "problems n"], Float[np.ndarray, "problems n n"], Int[np.ndarray, " problems"]]
+"""Gradient and matrix in theta and the amplitudes, problems first as LAPACK has them; the group of each problem."""
 
 
 def lowest(
-    gradient: Float[np.ndarray, "n parts"],
-    matrix: Float[np.ndarray, "n n parts"],
-    group: Int[np.ndarray, " parts"],
+    gradient: Float[np.ndarray, "n problems"],
+    matrix: Float[np.ndarray, "n n problems"],
+    group: Int[np.ndarray, " problems"],
     prior_gradient: Float[np.ndarray, "amplitudes groups"],
     prior_matrix: Float[np.ndarray, "amplitudes amplitudes #groups"],
-    room: tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted parts"]],
-) -> tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "amplitudes groups"]]:
+    room: tuple[Float[np.ndarray, "adapted problems"], Float[np.ndarray, "adapted problems"]],
+) -> tuple[Float[np.ndarray, "adapted problems"], Float[np.ndarray, "amplitudes groups"]]:
     """Find the minimum, dtheta and da.
 
-    ``group``: group of each part, in ascending order. ``room``: distances of each parameter to its lower bound
+    ``group``: group of each problem, in ascending order. ``room``: distances of each parameter to its lower bound
     (negative) and to its upper bound.
     """
     model, p, (low, high) = (gradient.T, np.moveaxis(matrix, -1, 0), group), prior_gradient.T, (one.T for one in room)
@@ -47,23 +47,25 @@ def lowest(
     fixed, value = at_low | (high <= _AT_BOUND_MM), np.where(at_low, low, high)
     P = np.broadcast_to(np.moveaxis(prior_matrix, -1, 0), (len(p), *prior_matrix.shape[:2]))
     dtheta, da = np.zeros(low.shape), np.zeros(p.shape)
-    parts, some = np.arange(len(low)), np.arange(len(p))  # parts and groups that have not ended
+    problems, some = np.arange(len(low)), np.arange(len(p))  # problems and groups that have not ended
     for number in range(_MOST_CHANGES):
-        of_parts: _Model = model[0][parts], model[1][parts], group[parts]
-        dtheta[parts], da[some], towards = _lowest_given(of_parts, p[some], P[some], fixed[parts], value[parts])
+        of_problems: _Model = model[0][problems], model[1][problems], group[problems]
+        dtheta[problems], da[some], towards = _lowest_given(
+            of_problems, p[some], P[some], fixed[problems], value[problems]
+        )
         # active where value less multiplier over curvature is beyond the bound (Hintermueller, Ito and Kunisch 2003)
-        below, above = towards < low[parts] - _AT_BOUND_MM, towards > high[parts] + _AT_BOUND_MM
-        different = (below | above) != fixed[parts]
+        below, above = towards < low[problems] - _AT_BOUND_MM, towards > high[problems] + _AT_BOUND_MM
+        different = (below | above) != fixed[problems]
         changed = different.any(axis=1)
         if number >= _ALL_AT_ONCE:
             different &= np.cumsum(different, axis=1) == 1
-        fixed[parts] ^= different
-        value[parts] = np.where(below, low[parts], np.where(above, high[parts], value[parts]))
+        fixed[problems] ^= different
+        value[problems] = np.where(below, low[problems], np.where(above, high[problems], value[problems]))
         left = np.zeros(len(p), bool)
-        left[group[parts[changed]]] = True
+        left[group[problems[changed]]] = True
         if not left.any():
             break
-        parts, some = parts[left[group[parts]]], np.flatnonzero(left)
+        problems, some = problems[left[group[problems]]], np.flatnonzero(left)
     return np.clip(dtheta, low, high).T, da.T
 
 
@@ -90,6 +92,6 @@ def _lowest_given(model: _Model, prior_gradient, prior_matrix, fixed, value) -> 
     return dtheta, da, dtheta - slack / np.einsum("pii->pi", own)
 
 
-def _times(matrix: Float[np.ndarray, "parts m n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
-    """Multiply the matrix of every part by its vector: (parts, m)."""
+def _times(matrix: Float[np.ndarray, "problems m n"], vector: Float[np.ndarray, "problems n"]) -> np.ndarray:
+    """Multiply the matrix of every problem by its vector: (problems, m)."""
     return (matrix @ vector[..., None])[..., 0]

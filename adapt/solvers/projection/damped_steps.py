@@ -46,19 +46,19 @@ class Damping(NamedTuple):
 
 
 Steps = tuple[Any, Any, Any]
-"""State of all groups: trees of arrays with the rows, the parts or the groups as their last axis. The tree of the
+"""State of all groups: trees of arrays with the rows, the problems or the groups as their last axis. The tree of the
 groups has ``going``: True where a group has not ended."""
 
 
 def until_ended(objective: Any, steps: Steps, step: Callable[[Any, Steps], Steps], most_steps: int) -> Steps:
     """Take at most ``most_steps`` steps; once enough groups have ended, the others go on without them.
 
-    ``objective``: function that the steps minimise, with its ``parts``; its method ``of`` selects groups.
+    ``objective``: function that the steps minimise, with its ``problems``; its method ``of`` selects groups.
     """
     while most_steps and (going := steps[-1].going).any():
         if going.mean() <= _FEW:
-            parts = going[objective.parts.group]
-            places = parts[objective.parts.part], parts, going
+            problems = going[objective.problems.group]
+            places = problems[objective.problems.problem], problems, going
             some = tuple(map(take_problems, steps, places))
             others = until_ended(objective.of(going), some, step, most_steps)
             return tuple(map(with_problems, steps, map(np.flatnonzero, places), others))

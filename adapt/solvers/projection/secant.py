@@ -13,13 +13,13 @@ _LEAST = 1e-300
 
 
 def secant(
-    S: Float[np.ndarray, "n n parts"],
-    M: Float[np.ndarray, "n n parts"],
-    step: Float[np.ndarray, "n parts"],
-    change: Float[np.ndarray, "n parts"],
-) -> Float[np.ndarray, "n n parts"]:
-    """Update S of every part; M is the matrix at the end of the step. Where the gradient has fallen along the step, S
-    is only scaled down."""
+    S: Float[np.ndarray, "n n problems"],
+    M: Float[np.ndarray, "n n problems"],
+    step: Float[np.ndarray, "n problems"],
+    change: Float[np.ndarray, "n problems"],
+) -> Float[np.ndarray, "n n problems"]:
+    """Update S of every problem; M is the matrix at the end of the step. Where the gradient has fallen along the step,
+    S is only scaled down."""
     wanted = change - _times(M, step)
     there, wanted_there = (np.abs((step * one).sum(axis=0)) for one in (_times(S, step), wanted))
     S = S * (wanted_there / np.maximum(np.maximum(there, wanted_there), _LEAST))
@@ -30,6 +30,6 @@ def secant(
     return S + both + np.swapaxes(both, 0, 1) - (missing * step).sum(axis=0) * v[:, None] * v[None]
 
 
-def _times(matrix: Float[np.ndarray, "m n parts"], vector: Float[np.ndarray, "n parts"]) -> np.ndarray:
-    """Multiply the matrix of every part by its vector."""
+def _times(matrix: Float[np.ndarray, "m n problems"], vector: Float[np.ndarray, "n problems"]) -> np.ndarray:
+    """Multiply the matrix of every problem by its vector."""
     return (matrix * vector[None]).sum(axis=1)

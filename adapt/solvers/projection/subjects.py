@@ -1,6 +1,6 @@
 """Whole subjects of any chain by damped Gauss-Newton steps: adaptations, adaptations with subject-level sizes of
-effects, and the curvature at the optimum. Each problem is a part and a group of its own
-(``adapt.solvers.projection.parts``)."""
+effects, and the curvature at the optimum. Each problem is a group of its own
+(``adapt.solvers.projection.grouped_problems``)."""
 
 from dataclasses import replace
 from functools import partial
@@ -13,8 +13,8 @@ from adapt.engine.batching import refit
 from adapt.solvers import status
 from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.projection.gauss_newton import End, minimise
+from adapt.solvers.projection.grouped_problems import GroupedProblems, Shared, acting
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, Nearest, strengths_of
-from adapt.solvers.projection.parts import Parts, Shared, acting
 from adapt.solvers.projection.thorax_term import Thorax
 from adapt.solvers.solution import (
     CONSTRAINT_TOLERANCE_MM,
@@ -94,16 +94,16 @@ def _unsolved(theta, angles) -> SubjectSolution:
 
 def _steps(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles, unmeasured_sd: float) -> End:
     """Take the steps of an adaptation in which every unmeasured angle is loosely held to its start."""
-    parts = parts_of(problem, active_effects)
+    grouped = as_grouped(problem, active_effects)
     count, start = theta.shape[1], _of_rows(problem, angles)
     none = np.zeros((0, count))
     nothing = Shared(np.zeros((0, 0, count), int), np.zeros((0, 0, start.shape[1])), none, none)
 
-    def finished(_, slope: Float[np.ndarray, "adapted parts"]) -> Bool[np.ndarray, " parts"]:
+    def finished(_, slope: Float[np.ndarray, "adapted problems"]) -> Bool[np.ndarray, " problems"]:
         return np.abs(slope).max(axis=0) <= THETA_TOLERANCE
 
-    parts = replace(parts, angles=np.where(parts.measured, parts.angles, start), unmeasured_sd=unmeasured_sd)
-    return minimise(parts, nothing, theta, np.zeros((0, count)), finished, _MOST_STEPS, start)
+    grouped = replace(grouped, angles=np.where(grouped.measured, grouped.angles, start), unmeasured_sd=unmeasured_sd)
+    return minimise(grouped, nothing, theta, np.zeros((0, count)), finished, _MOST_STEPS, start)
 
 
 def _solution(problem: SubjectProblem, end: End, angles, iterations: Int[np.ndarray, " problems"]) -> SubjectSolution:
@@ -150,24 +150,24 @@ def fit_sizes(
     noise, with D in place of the prior of the parameters. Return v, theta, E without the term of v, and which problems
     have converged.
     """
-    parts = parts_of(problem, active_effects)
+    grouped = as_grouped(problem, active_effects)
     columns = [_of_rows(problem, one) for one in active_effects.own]
-    shape = sum(map(len, columns)), len(parts.group)
-    scale = np.broadcast_to(1.0 / np.sqrt(weight_of_sizes(parts)), shape)
+    shape = sum(map(len, columns)), len(grouped.group)
+    scale = np.broadcast_to(1.0 / np.sqrt(weight_of_sizes(grouped)), shape)
     channels, strengths = acting(strengths_of(columns))
     shared = Shared(np.repeat(channels[..., None], shape[1], axis=2), strengths, scale, np.zeros(shape))
     start = _of_rows(problem, angles)
 
-    def finished(gain, _) -> Bool[np.ndarray, " parts"]:
+    def finished(gain, _) -> Bool[np.ndarray, " problems"]:
         return gain < _SETTLED
 
-    end = minimise(parts, shared, theta, np.zeros(shape), finished, _MOST_STEPS_OF_SIZES, start)
+    end = minimise(grouped, shared, theta, np.zeros(shape), finished, _MOST_STEPS_OF_SIZES, start)
     return end.amplitude, end.theta_mm, end.E, end.settled
 
 
-def weight_of_sizes(parts: Parts) -> Float[np.ndarray, " parts"]:
+def weight_of_sizes(grouped: GroupedProblems) -> Float[np.ndarray, " problems"]:
     """Compute the weight of |v|^2 in E: that of one degree in one angle of a posture."""
-    return np.maximum(parts.sums(parts.weights) / parts.sums(np.ones(len(parts.weights))), _LEAST_WEIGHT)
+    return np.maximum(grouped.sums(grouped.weights) / grouped.sums(np.ones(len(grouped.weights))), _LEAST_WEIGHT)
 
 
 def motion_curvature(
@@ -180,8 +180,8 @@ def motion_curvature(
 
     Central differences of the exact slope of w mean J and of q need no compilation.
     """
-    parts, start = parts_of(problem, active_effects), _of_rows(problem, angles)
-    parts = replace(parts, angles=np.where(parts.measured, parts.angles, start))
+    grouped, start = as_grouped(problem, active_effects), _of_rows(problem, angles)
+    grouped = replace(grouped, angles=np.where(grouped.measured, grouped.angles, start))
     n, (_, postures, count) = len(ADAPTED), problem.angles.shape
     hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))
     posture, number = _rows(problem)
@@ -190,32 +190,32 @@ def motion_curvature(
         for sign in (1.0, -1.0):
             shifted = np.array(theta)
             shifted[k] += sign * _STEP_MM
-            near = _settled(parts, shifted, start)
-            slope = 2.0 * parts.weights * np.einsum("kir,kr->ir", near.by_theta, near.y)
-            ends.append((parts.sums(slope), near.angles))
+            near = _settled(grouped, shifted, start)
+            slope = 2.0 * grouped.weights * np.einsum("kir,kr->ir", near.by_theta, near.y)
+            ends.append((grouped.sums(slope), near.angles))
         hessian[:, k] = (ends[0][0] - ends[1][0]) / (2.0 * _STEP_MM)
         moved[:, posture, k, number] = (ends[0][1] - ends[1][1]) / (2.0 * _STEP_MM)
     return 0.5 * (hessian + np.swapaxes(hessian, 0, 1)), moved
 
 
-def _settled(parts: Parts, theta, start) -> Nearest:
+def _settled(grouped: GroupedProblems, theta, start) -> Nearest:
     """Find the nearest postures with unmeasured angles at values where they stay: each round holds them to their last
     values."""
-    near = parts.nearest(theta, parts.strengths, start)
+    near = grouped.nearest(theta, grouped.strengths, start)
     for _ in range(_MOST_ROUNDS):
-        if parts.measured.all() or np.abs(near.angles - start).max() <= _AT_REST_RAD:
+        if grouped.measured.all() or np.abs(near.angles - start).max() <= _AT_REST_RAD:
             break
         start = near.angles
-        parts = replace(parts, angles=np.where(parts.measured, parts.angles, start))
-        near = parts.nearest(theta, parts.strengths, start)
+        grouped = replace(grouped, angles=np.where(grouped.measured, grouped.angles, start))
+        near = grouped.nearest(theta, grouped.strengths, start)
     return near
 
 
-def parts_of(problem: SubjectProblem, active_effects: ActiveEffects) -> Parts:
-    """Convert the counted postures to rows, each problem a part and a group of its own."""
+def as_grouped(problem: SubjectProblem, active_effects: ActiveEffects) -> GroupedProblems:
+    """Convert the counted postures to rows, each problem a group of its own."""
     girdle, strengths = jax.tree.map(np.asarray, problem.girdle), active_effects.strengths
     _, number = _rows(problem)
-    return Parts(
+    return GroupedProblems(
         girdle=girdle,
         thorax=Thorax(girdle, problem.points_mm, problem.point_weights, problem.levels_mm),
         bounds_mm=(np.asarray(problem.lower), np.asarray(problem.upper)),
@@ -226,7 +226,7 @@ def parts_of(problem: SubjectProblem, active_effects: ActiveEffects) -> Parts:
         angles=_of_rows(problem, problem.angles),
         measured=_of_rows(problem, have_weight(problem.weights)),
         weights=row_weights(problem),
-        part=number,
+        problem=number,
         group=np.arange(problem.counted.shape[-1]),
         strengths_are_known=not active_effects.own,
     )

@@ -1,4 +1,4 @@
-"""D of many parts at once, with its gradient and the Gauss-Newton matrix for its curvature, on the engine."""
+"""D of many problems at once, with its gradient and the Gauss-Newton matrix for its curvature, on the engine."""
 
 from typing import NamedTuple
 
@@ -15,31 +15,31 @@ from models.girdle import Girdle
 _N = len(ADAPTED)
 
 _CHUNK = 4096
-"""Number of parts per chunk of an XLA program."""
+"""Number of problems per chunk of an XLA program."""
 
 
 ThoraxTerms = tuple[
-    Float[np.ndarray, " parts"], Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted adapted parts"]
+    Float[np.ndarray, " problems"], Float[np.ndarray, "adapted problems"], Float[np.ndarray, "adapted adapted problems"]
 ]
-"""D of every part, mm^2, and its terms in the gradient and the matrix of the quadratic model in theta."""
+"""D of every problem, mm^2, and its terms in the gradient and the matrix of the quadratic model in theta."""
 
 
 class Thorax(NamedTuple):
-    """Points on the thorax of every part, or other points with nominal distances (levels) to the ellipsoid, mm."""
+    """Points on the thorax of every problem, or other points with nominal distances (levels) to the ellipsoid, mm."""
 
     girdle: Girdle
-    points_mm: Float[np.ndarray, "3 points parts"]
-    point_weights: Float[np.ndarray, "points parts"]
-    levels_mm: Float[np.ndarray, "points parts"]
+    points_mm: Float[np.ndarray, "3 points problems"]
+    point_weights: Float[np.ndarray, "points problems"]
+    levels_mm: Float[np.ndarray, "points problems"]
 
-    def __call__(self, theta_mm: Float[np.ndarray, "adapted parts"]) -> ThoraxTerms:
-        """Compute D of every part at theta, with its slopes."""
+    def __call__(self, theta_mm: Float[np.ndarray, "adapted problems"]) -> ThoraxTerms:
+        """Compute D of every problem at theta, with its slopes."""
         D, gradient, matrix = thorax_kernel(*self, theta_mm)
         return D, gradient, matrix.reshape(_N, _N, -1)
 
 
 def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):
-    """Compute sum u (d - level)^2, its gradient, and 2 sum u d' d'^T, of one part."""
+    """Compute sum u (d - level)^2, its gradient, and 2 sum u d' d'^T, of one problem."""
 
     def of_point(point, weight, level):
         off, slope, _ = point_distance(girdle, theta, point, level, point_multiplier(girdle, theta, point))

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportReturnType=false, reportCallIssue=false
 # (pandas declares "Series | DataFrame | scalar" for nearly every result)
-"""Runs of any size in parts: a part holds what a chunk of subjects adds to the tables of ``girdle adapt``.
+"""Runs of any size in chunks: a chunk file holds the rows of a chunk of subjects in the tables of ``girdle adapt``.
 
-A part is one file of arrays (npz, without pickle), written whole or not at all. Parts wait in ``unfinished/KEY`` below
-the folder of the results. A run that was stopped continues with the parts that exist; when all exist, they become the
-tables, each written once. Then the parts are removed (``adapt.output.publishing``).
+A chunk file has arrays (npz, without pickle) and is written whole or not at all. Chunk files wait in ``unfinished/KEY``
+below the folder of the results. A run that was stopped continues with those that exist; when all exist, they become the
+tables, each written once. Then they are removed (``adapt.output.publishing``).
 """
 
 import io
@@ -32,11 +32,11 @@ from motions.files import atomic_write_bytes, atomic_write_pieces, make_folder
 from motions.table import Motions
 
 LANES = 512
-"""Number of subjects times models per part: two of the chunks that stay in a core's cache, and 0.3 GB of memory. With
-parts of 1024, 100 000 subjects took 3 % less time and a tenth more memory."""
+"""Number of subjects times models per chunk: two of the batches that stay in a core's cache, and 0.3 GB of memory. With
+chunks of 1024, 100 000 subjects took 3 % less time and a tenth more memory."""
 
 MOST_SHOWN = 400
-"""Largest number of subjects in the report of a run of several parts."""
+"""Largest number of subjects in the report of a run of several chunks."""
 
 _STATES = (0, 1)
 """Values of the column ``adapted``."""
@@ -62,8 +62,8 @@ class Work:
     people: People | None = None
     """Differences between the persons of the run, where each person has own bones."""
 
-    def part(self, motions: Motions) -> bytes:
-        """Compute the part of these subjects; the result is the same in every process."""
+    def chunk_file(self, motions: Motions) -> bytes:
+        """Compute the content of the chunk file of these subjects; the result is the same in every process."""
         dtype = np.float32 if self.float32 else np.float64
         result = adapt_checked(
             checked(motions),
@@ -97,7 +97,7 @@ class Work:
 
 
 def _arrays(result: Adaptations, models: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return the content of a part, by name: the rows of each table, separate for each model and state."""
+    """Return the content of a chunk file, by name: the rows of each table, separate for each model and state."""
     found: dict[str, np.ndarray] = {"failed": np.array(list(not_adapted(result).items()), dtype=str).reshape(-1, 2)}
     for k, model in enumerate(models):
         fits = result.fits[result.fits["model"] == model]
@@ -118,13 +118,13 @@ def _name(table: str, model: int, state: int | str = "") -> str:
 Chunks = Iterator[tuple[int, Motions]]
 
 Maker = Callable[[Work, Chunks], Iterable[tuple[int, bytes]]]
-"""Function that makes the parts of numbered chunks, in any order."""
+"""Function that makes the chunk files of numbered chunks, in any order."""
 
 
 def one_after_another(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
-    """Make the parts one after another in this process, on every device that JAX sees."""
+    """Make the chunk files one after another in this process, on every device that JAX sees."""
     for number, motions in chunks:
-        yield number, work.part(motions)
+        yield number, work.chunk_file(motions)
 
 
 class Merged(NamedTuple):
@@ -143,17 +143,17 @@ class Merged(NamedTuple):
     """Flat directions of the adaptations that the report shows."""
 
 
-class Parts:
-    """Parts of one run, finished and missing."""
+class ChunkFiles:
+    """Chunk files of one run, finished and missing."""
 
     def __init__(self, folder: Path, key: str):
-        """Create the folder of the parts. ``key`` identifies the run: parts of other runs stay until a run in this
-        folder is complete."""
+        """Create the folder of the chunk files. ``key`` identifies the run: those of other runs stay until a run in
+        this folder is complete."""
         self._home = folder / UNFINISHED / key
         make_folder(self._home)
 
     def make(self, work: Work, chunks: Iterable[Motions], maker: Maker, progress: Callable[[str], None]) -> Motions:
-        """Make every missing part, and return the motions that the report shows."""
+        """Make every missing chunk file, and return the motions that the report shows."""
         shown: list[Motions] = []
         done = 0
 
@@ -166,14 +166,14 @@ class Parts:
                     progress(f"adaptation, {done} subjects")
                     yield number, replace(motions, rejected=())
 
-        for number, part in maker(work, missing()):
-            atomic_write_bytes(self._path(number), part)
+        for number, content in maker(work, missing()):
+            atomic_write_bytes(self._path(number), content)
         return Motions.concatenate(shown)
 
     def merge(self, folder: Path, work: Work) -> Merged:
         """Write fits.csv, parameters.csv, heldout.csv, summary.csv and, where landmarks were measured, positions.csv.
 
-        Fits and positions are in memory one part at a time, the summary one motion at a time.
+        Fits and positions are in memory one chunk at a time, the summary one motion at a time.
         """
         models = range(len(work.models))
         states = [(state, k) for state in _STATES for k in models]
@@ -193,8 +193,8 @@ class Parts:
 
         def every_summary() -> Iterator[pd.DataFrame]:
             for state, k in states:
-                parts = partial(self._tables, [_name("subjects", k, state)])
-                for table in summary_pieces(work.models[k].name, state, parts, heldout):
+                chunks = partial(self._tables, [_name("subjects", k, state)])
+                for table in summary_pieces(work.models[k].name, state, chunks, heldout):
                     kept = table[table["subject"].isin([*work.shown, *STATISTICS])]
                     if len(kept):
                         summary.append(kept)
@@ -220,12 +220,12 @@ class Parts:
         return map(pd.DataFrame, self._rows(names))
 
     def _rows(self, names: Iterable[str]) -> Iterator[Rows]:
-        """Yield the arrays of these names, name by name over all parts, with one array in memory at a time."""
+        """Yield the arrays of these names, name by name over all chunks, with one array in memory at a time."""
         paths = sorted(self._home.glob(f"*{_ENDING}"))
         for name in names:
             for path in paths:
-                with np.load(path) as part:
-                    rows = part[name]
+                with np.load(path) as chunk:
+                    rows = chunk[name]
                 yield rows
 
     def _path(self, number: int) -> Path:

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""Batches in parts: any chunk size, an interruption and a cluster give the same results; nothing is lost or doubled."""
+"""Runs in chunks: any chunk size, an interruption and a cluster give the same results; nothing is lost or doubled."""
 
 import importlib.util
 import io
@@ -21,9 +21,9 @@ from dying_work import DyingWork
 from waiting_work import WAIT_S
 
 from adapt.api import adapt_subjects
-from adapt.output.large_runs import parts as parts_module
+from adapt.output.large_runs import chunked_run
+from adapt.output.large_runs.chunked_run import ChunkFiles, Chunks, Work, one_after_another
 from adapt.output.large_runs.local_processes import in_processes
-from adapt.output.large_runs.parts import Chunks, Parts, Work, one_after_another
 from adapt.output.large_runs.table_arrays import as_rows, as_table
 from adapt.output.publishing import UNFINISHED
 from adapt.output.run_files import inputs_record, run_key
@@ -52,7 +52,7 @@ def motion(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(motion, tmp_path_factory) -> Path:
-    """Adapt them in one part."""
+    """Adapt them in one chunk."""
     folder = tmp_path_factory.mktemp("whole")
     ended = girdle("adapt", motion, "--model", "R2", "--out", folder)
     assert ended.status == 0, ended.err
@@ -61,7 +61,7 @@ def whole(motion, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module", params=[(), ("--own-bones",)], ids=["plain", "own bones"])
 def asked(request, motion, tmp_path_factory) -> tuple[tuple[object, ...], Path]:
-    """Return the arguments of an adaptation in five parts, and the folder of the same one in one part."""
+    """Return the arguments of an adaptation in five chunks, and the folder of the same one in one chunk."""
     options, folder = (motion, "--model", "R2", *request.param), tmp_path_factory.mktemp("asked")
     ended = girdle("adapt", *options, "--out", folder)
     assert ended.status == 0, ended.err
@@ -87,7 +87,7 @@ def test_results_do_not_depend_on_the_chunk(motion, whole, tmp_path, chunk):
     assert len(list((tmp_path / "models").iterdir())) == 5
 
 
-def test_the_report_of_several_parts_says_that_it_is_a_sample(motion, tmp_path, monkeypatch):
+def test_the_report_of_several_chunks_says_that_it_is_a_sample(motion, tmp_path, monkeypatch):
     monkeypatch.setattr("adapt.cli.commands.fit_runs.MOST_SHOWN", 3)
     girdle("adapt", motion, "--model", "R2", "--chunk", 2, "--out", tmp_path)
     page = (tmp_path / "report.html").read_text()
@@ -95,13 +95,13 @@ def test_the_report_of_several_parts_says_that_it_is_a_sample(motion, tmp_path, 
     assert len(pd.read_csv(tmp_path / "parameters.csv")) == 5
 
 
-def test_a_part_is_what_its_subjects_are_alone(motion):
+def test_a_chunk_is_what_its_subjects_are_alone(motion):
     """The numbers equal those from Python, bit by bit, because they are written with all digits."""
     motions = read_motions(motion)
     tables = adapt_subjects(motions, load_model("R2"))
     folder = motion.parent / "alone"
     folder.mkdir()
-    made = Parts(folder, "key")
+    made = ChunkFiles(folder, "key")
     made.make(work(motions.subjects, motions.subjects), [motions], one_after_another, lambda _: None)
     found = made.merge(folder, work(shown=motions.subjects))
     assert found.flat == flat_by_subject(["R2"], motions.subjects, tables.uncertainty)
@@ -115,7 +115,7 @@ def test_of_subjects_that_the_report_does_not_show_the_statistics_are_kept(motio
     motions = read_motions(motion)
     folder = motion.parent / "some"
     folder.mkdir()
-    made, one = Parts(folder, "key"), motions.subjects[1]
+    made, one = ChunkFiles(folder, "key"), motions.subjects[1]
     chunks = [motions.select(motions.subject == name) for name in motions.subjects]
     made.make(work(), chunks, one_after_another, lambda _: None)
     found = made.merge(folder, work(shown=[one]))
@@ -128,13 +128,13 @@ def test_of_subjects_that_the_report_does_not_show_the_statistics_are_kept(motio
     assert set(found.parameters["subject"]) == set(motions.subjects)
 
 
-def test_arrays_hold_a_table_exactly_and_a_part_without_rows_changes_nothing():
-    """Floats are exact, integers stay integers, names have any length; without parts there is an empty table."""
+def test_arrays_hold_a_table_exactly_and_a_chunk_without_rows_changes_nothing():
+    """Floats are exact, integers stay integers, names have any length; without chunks there is an empty table."""
     names = ["s1", "a,b", "x" * 300, "ä"]
     table = pd.DataFrame({"subject": names, "gap_deg": [np.nan, np.inf, 0.1 + 0.2, 5e-324], "postures": range(4)})
-    parts = [as_rows(part) for part in (table.iloc[:0], table.iloc[:1], table.iloc[1:])]
-    assert not any(rows.dtype.hasobject for rows in parts)
-    pd.testing.assert_frame_equal(as_table(lambda: parts), table, check_exact=True)
+    chunks = [as_rows(one) for one in (table.iloc[:0], table.iloc[:1], table.iloc[1:])]
+    assert not any(rows.dtype.hasobject for rows in chunks)
+    pd.testing.assert_frame_equal(as_table(lambda: chunks), table, check_exact=True)
     empty = as_table(lambda: [as_rows(NOTHING)])
     assert (len(empty), tuple(empty)) == (0, tuple(NOTHING))
 
@@ -162,9 +162,9 @@ def test_a_stopped_run_goes_on_where_it_was(asked, tmp_path, monkeypatch):
     made = []
 
     def counted(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
-        for number, part in one_after_another(work, chunks):
+        for number, content in one_after_another(work, chunks):
             made.append(number)
-            yield number, part
+            yield number, content
 
     monkeypatch.setattr("adapt.output.large_runs.local_processes.one_after_another", counted)
     assert girdle(*arguments).status == 0
@@ -212,11 +212,11 @@ def test_who_is_left_out_is_named_once(motion):
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
 @pytest.mark.filterwarnings("ignore")
 def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypatch):
-    """Two processes; one is killed after the first part is written, while it has work."""
+    """Two processes; one is killed after the first chunk is written, while it has work."""
     from distributed import Client, LocalCluster
 
     written = []
-    write = parts_module.atomic_write_bytes
+    write = chunked_run.atomic_write_bytes
 
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         with Client(cluster) as client:
@@ -228,7 +228,7 @@ def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypa
             if len(written) == 1:
                 os.kill(pids[0], signal.SIGKILL)
 
-        monkeypatch.setattr(parts_module, "atomic_write_bytes", write_and_kill)
+        monkeypatch.setattr(chunked_run, "atomic_write_bytes", write_and_kill)
         address = cluster.scheduler_address
         ended = girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--dask", address, "--out", tmp_path)
     assert ended.status == 0, ended.err
@@ -254,13 +254,13 @@ def test_a_run_of_a_pipe_goes_on_with_no_other(motion, tmp_path):
     assert run_key(of_pipe, {}) != run_key(of_pipe, {})
 
 
-def content(part: bytes) -> dict[str, bytes]:
-    with zipfile.ZipFile(io.BytesIO(part)) as file:
+def content(chunk_file: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(chunk_file)) as file:
         return {name: file.read(name) for name in file.namelist()}
 
 
 @pytest.mark.parametrize("own_bones", [False, True], ids=["set's bones", "own bones"])
-def test_processes_make_the_parts_that_one_makes(motion, own_bones):
+def test_processes_make_the_chunk_files_that_one_makes(motion, own_bones):
     chunks, asked = list(enumerate(MotionStream(motion).in_chunks(2))), work()
     if own_bones:
         asked = replace(asked, people=learn_people(posture_rows(read_motions(motion)), asked.models))
@@ -277,7 +277,7 @@ def test_a_process_that_the_system_ends_is_named_with_what_to_do(motion):
         list(in_processes(dying, chunks))
 
 
-def test_processes_end_with_the_one_that_asks_for_parts():
+def test_processes_end_with_the_one_that_asks_for_chunks():
     """The asking process is killed and cannot tell its workers; their output ends when the last one has ended."""
     program = Path(__file__).parents[1] / "helpers" / "waiting_work.py"
     environment = os.environ | {"PYTHONPATH": str(program.parents[2])}
@@ -288,8 +288,8 @@ def test_processes_end_with_the_one_that_asks_for_parts():
         assert asking.communicate(timeout=WAIT_S / 2.0) == ("", None)
 
 
-def test_a_run_of_many_parts_is_shared_between_processes(motion, whole, tmp_path, monkeypatch):
-    """The command decides by the number of parts and cores; on one core it starts no processes."""
+def test_a_run_of_many_chunks_is_shared_between_processes(motion, whole, tmp_path, monkeypatch):
+    """The command decides by the number of chunks and cores; on one core it starts no processes."""
     made = []
 
     def maker(given: Work, chunks: Chunks):
@@ -297,7 +297,7 @@ def test_a_run_of_many_parts_is_shared_between_processes(motion, whole, tmp_path
         return one_after_another(given, chunks)
 
     monkeypatch.setattr("adapt.output.large_runs.local_processes.in_processes", maker)
-    monkeypatch.setattr("adapt.output.large_runs.local_processes.MANY_PARTS", 5)
+    monkeypatch.setattr("adapt.output.large_runs.local_processes.MANY_CHUNKS", 5)
     for cores, expected in ((1, []), (2, ["processes"])):
         monkeypatch.setattr("adapt.output.large_runs.local_processes.cores", lambda cores=cores: cores)
         girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path / str(cores))

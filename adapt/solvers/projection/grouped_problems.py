@@ -1,4 +1,4 @@
-"""Parts of a joint fit: each part is one subject with the postures to which it is adapted; the parts of a group share
+"""Problems of a joint fit: each is one subject with the postures to which it is adapted; the problems of a group share
 amplitudes."""
 
 from dataclasses import dataclass, replace
@@ -17,8 +17,8 @@ from models.girdle import Girdle
 
 
 class Shared(NamedTuple):
-    """Amplitudes that the parts of a group share. Groups may have different amplitudes: an amplitude that a group does
-    not have does nothing at its rows."""
+    """Amplitudes that the problems of a group share. Groups may have different amplitudes: an amplitude that a group
+    does not have does nothing at its rows."""
 
     channels: Int[np.ndarray, "some own groups"]
     """Channels in which each amplitude acts; amplitudes with fewer channels than others are padded with channels of
@@ -45,13 +45,13 @@ def acting(
 
 
 @dataclass(frozen=True)
-class Parts:
-    """Rows of all parts, one part after the other."""
+class GroupedProblems:
+    """Rows of all problems, one problem after the other."""
 
     girdle: Girdle
-    """Girdle of each part, (component, parts)."""
+    """Girdle of each problem, (component, problems)."""
     thorax: Thorax
-    bounds_mm: tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted parts"]]
+    bounds_mm: tuple[Float[np.ndarray, "adapted problems"], Float[np.ndarray, "adapted problems"]]
     effects: tuple[Effect, ...]
     strengths: Float[np.ndarray, "channels rows"]
     """Given strengths, to which the shared amplitudes add."""
@@ -60,43 +60,44 @@ class Parts:
     measured: Bool[np.ndarray, "6 rows"]
     weights: Float[np.ndarray, " rows"]
     """Weights of |y|^2 in E."""
-    part: Int[np.ndarray, " rows"]
-    group: Int[np.ndarray, " parts"]
+    problem: Int[np.ndarray, " rows"]
+    """Problem of each row."""
+    group: Int[np.ndarray, " problems"]
     strengths_are_known: bool = False
     """True where no slopes in the strengths are needed."""
     unmeasured_sd: float = UNMEASURED_SD
 
     @cached_property
-    def _starts(self) -> Int[np.ndarray, " parts"]:
-        return np.searchsorted(self.part, np.arange(len(self.group)))
+    def _starts(self) -> Int[np.ndarray, " problems"]:
+        return np.searchsorted(self.problem, np.arange(len(self.group)))
 
     @cached_property
     def _girdle_of_rows(self) -> Girdle:
-        return take_problems(self.girdle, self.part)
+        return take_problems(self.girdle, self.problem)
 
-    def _girdle_at(self, theta_mm: Float[np.ndarray, "adapted parts"]) -> Girdle:
-        return self._girdle_of_rows.with_adapted(theta_mm[:, self.part])
+    def _girdle_at(self, theta_mm: Float[np.ndarray, "adapted problems"]) -> Girdle:
+        return self._girdle_of_rows.with_adapted(theta_mm[:, self.problem])
 
-    def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... parts"]:
-        """Sum values over the rows of each part."""
+    def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... problems"]:
+        """Sum values over the rows of each problem."""
         return np.add.reduceat(values, self._starts, axis=-1)
 
     @cached_property
-    def _places(self) -> Int[np.ndarray, "parts most"]:
-        """Rows of each part, padded with the index after the last row of all."""
-        counts = np.bincount(self.part, minlength=len(self.group))
+    def _places(self) -> Int[np.ndarray, "problems most"]:
+        """Rows of each problem, padded with the index after the last row of all."""
+        counts = np.bincount(self.problem, minlength=len(self.group))
         number = np.arange(counts.max())
-        return np.where(number < counts[:, None], self._starts[:, None] + number, len(self.part))
+        return np.where(number < counts[:, None], self._starts[:, None] + number, len(self.problem))
 
-    def products(self, x: Float[np.ndarray, "3 n rows"]) -> Float[np.ndarray, "n n parts"]:
-        """Compute x'x over the rows of each part."""
+    def products(self, x: Float[np.ndarray, "3 n rows"]) -> Float[np.ndarray, "n n problems"]:
+        """Compute x'x over the rows of each problem."""
         padded = np.zeros((x.shape[2] + 1, *x.shape[:2]))
         padded[:-1] = np.moveaxis(x, 2, 0)
         own = padded[self._places].reshape(len(self.group), -1, x.shape[1])
         return np.moveaxis(np.swapaxes(own, 1, 2) @ own, 0, -1)
 
     def nearest(self, theta_mm, strengths, start=None, there=THERE) -> Nearest:
-        """Find the nearest postures of all rows at these parameters, (adapted, parts)."""
+        """Find the nearest postures of all rows at these parameters, (adapted, problems)."""
         girdle = self._girdle_at(theta_mm)
         return nearest_postures(
             girdle,
@@ -115,11 +116,11 @@ class Parts:
         girdle = self._girdle_at(theta_mm)
         return with_whole_slopes(girdle, self.effects, strengths, self.angles, self.measured, near, self.unmeasured_sd)
 
-    def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":
+    def of(self, groups: Bool[np.ndarray, " groups"]) -> "GroupedProblems":
         """Select some groups."""
-        parts = groups[self.group]
-        rows = parts[self.part]
-        girdle, thorax, bounds = take_problems((self.girdle, self.thorax, self.bounds_mm), parts)
+        problems = groups[self.group]
+        rows = problems[self.problem]
+        girdle, thorax, bounds = take_problems((self.girdle, self.thorax, self.bounds_mm), problems)
         return replace(
             self,
             girdle=girdle,
@@ -129,6 +130,6 @@ class Parts:
             angles=self.angles[:, rows],
             measured=self.measured[:, rows],
             weights=self.weights[rows],
-            part=np.cumsum(parts)[self.part[rows]] - 1,
-            group=np.cumsum(groups)[self.group[parts]] - 1,
+            problem=np.cumsum(problems)[self.problem[rows]] - 1,
+            group=np.cumsum(groups)[self.group[problems]] - 1,
         )
