@@ -7,7 +7,14 @@ set's in a way that looks like it. Without noise, with S the SDs of people,
     d^2 = min sum (measured - closed)^2 / noise^2 + sum |(theta_s - set) / S - h|^2 + |h|^2   over postures, theta and h
 
 without the effect, less the same with it. With noise, the log odds of the effect are then N(d^2 / 2, d^2); it is named
-where they exceed ``LEAST``. A diagnosis has to find the form and the size besides.
+where they exceed ``LEAST``.
+
+A second observer knows the form, but not the size: k numbers, as many as the library's candidate has, with a prior of
+variance v = d^2 / k each, in SDs of their estimates x. The log odds are then
+
+    sum x^2 v / (2 (1 + v)) - k / 2 log(1 + v),   sum x^2 noncentral chi-square: k degrees of freedom, noncentrality d^2
+
+A diagnosis has to find the form besides, and the noise and how much people differ.
 
     python scripts/research/named_causes/study_limit.py --seeds 50:55
 """
@@ -20,12 +27,13 @@ from typing import NamedTuple
 
 import numpy as np
 import typer
-from scipy.stats import norm
+from scipy.stats import ncx2, norm
 
 ROOT = Path(__file__).parents[3]
 sys.path[:0] = [str(ROOT)]
 
 from models.adapted_parameters import PERSON_SD_MM  # noqa: E402
+from models.effects import EFFECTS  # noqa: E402
 from scripts.reporting import markdown  # noqa: E402
 from scripts.research.named_causes.blind.cases import CONDITIONS, LISTED, SHOWN_MOTIONS, Case, world_seed  # noqa: E402
 from scripts.research.named_causes.synthetic_a.catalogue import draw_effect  # noqa: E402
@@ -187,6 +195,13 @@ def could_be_named(d2: float) -> float:
     return float(norm.cdf((d2 / 2.0 - LEAST) / np.sqrt(max(d2, 1e-9))))
 
 
+def could_be_named_without_size(d2: float, numbers: int) -> float:
+    """Compute the probability that the log odds exceed ``LEAST`` where the size has so many unknown numbers."""
+    v = d2 / numbers
+    least = (2.0 * LEAST + numbers * np.log1p(v)) * (1.0 + v) / max(v, 1e-9)
+    return float(ncx2.sf(least, numbers, d2))
+
+
 def main(seeds: str = "50:55") -> None:
     """Print d^2 of every label, and the share that could be named, with angles alone and with landmarks."""
     first, end = map(int, seeds.split(":"))
@@ -195,13 +210,17 @@ def main(seeds: str = "50:55") -> None:
         row = [label]
         for condition in ("two_motions", "landmarks"):
             found = [separation2(Case(condition, label, seed)) for seed in range(first, end)]
-            share = np.mean([could_be_named(one) for one in found])
-            row += [" ".join(f"{one:.0f}" for one in found), f"{share:.2f}"]
+            numbers = len(EFFECTS[label].prior.scale)
+            shares = zip(
+                *((could_be_named(one), could_be_named_without_size(one, numbers)) for one in found), strict=True
+            )
+            row += [" ".join(f"{one:.0f}" for one in found), *(f"{np.mean(share):.2f}" for share in shares)]
         table.append(row)
         print(*row, flush=True)
-    means = [f"{np.mean([float(row[k]) for row in table]):.2f}" for k in (2, 4)]
-    names = ["cause", "d^2, angles", "could be named", "d^2, landmarks", "could be named"]
-    print(markdown(names, [*table, ["mean", "", means[0], "", means[1]]]))
+    means = [f"{np.mean([float(row[k]) for row in table]):.2f}" for k in (2, 3, 5, 6)]
+    of_condition = ["could be named", "size unknown"]
+    names = ["cause", "d^2, angles", *of_condition, "d^2, landmarks", *of_condition]
+    print(markdown(names, [*table, ["mean", "", *means[:2], "", *means[2:]]]))
 
 
 if __name__ == "__main__":
