@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from adapt.cli.choices import ANGLE_CHOICES, SIX
-from adapt.output.run_files import Files, inputs_record
+from adapt.output.publishing import Inputs
+from adapt.output.run_files import inputs_record
 from models.person.family import AnyModel, PersonalSets, load_any_model
 from motions import InputError, Motions, read_motions
 from motions.errors import warn_input
@@ -18,7 +19,7 @@ _MOST_NAMED = 10
 """Largest number of names in a message."""
 
 
-def read_inputs(motions: list[Path], models: list[str], angles: str = SIX) -> tuple[Motions, list[AnyModel], Files]:
+def read_inputs(motions: list[Path], models: list[str], angles: str = SIX) -> tuple[Motions, list[AnyModel], Inputs]:
     """Read the motions and the models, and return them with the record of their files for run.json.
 
     ``angles`` is one of ``ANGLE_CHOICES``.

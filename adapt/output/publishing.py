@@ -6,9 +6,12 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from adapt.output.written_files import DATA, LIST, RECORD, Written, files_below, last_written, listed
+from adapt.output.written_files import DATA, LIST, RECORD, WRITTEN_BY, Written, files_below, last_written, listed
 from motions.errors import InputError, warn_input
 from motions.files import atomic_write_pieces
+
+Inputs = dict[str, list[dict[str, str | None]]]
+"""Entries of run.json for the motion files and the models, by "motions" and "models"."""
 
 UNFINISHED = "unfinished"
 """Folder below the results for the chunk files in progress: ``unfinished/KEY/NUMBER.npz``."""
@@ -27,7 +30,7 @@ def publish(staged: Path, folder: Path) -> None:
     places = _places(staged, folder)
     before, names = last_written(folder), list(files_below(staged))
     new = listed(staged, names)
-    read = _inputs_below(staged / RECORD, folder)
+    read = _inputs_below(json.loads((staged / RECORD).read_bytes()), folder)
     _refuse_inputs(names, read, folder)
     old = [name for name in before.hashes if not (staged / name).exists()]
     stay = [name for name in old if name in DATA or {Path(name), *Path(name).parents} & read]
@@ -55,11 +58,15 @@ def _places(staged: Path, folder: Path) -> dict[Path, Path]:
     return places
 
 
-def _inputs_below(record: Path, folder: Path) -> set[Path]:
+def refuse_inputs_of(inputs: Inputs, command: str, folder: Path) -> None:
+    """Raise InputError if a file that the command writes would replace one that it reads."""
+    _refuse_inputs(WRITTEN_BY[command], _inputs_below(inputs, folder), folder)
+
+
+def _inputs_below(inputs: Inputs, folder: Path) -> set[Path]:
     """Return the files and folders below ``folder`` that a run reads, relative to ``folder``, by its record."""
-    inputs = json.loads(record.read_bytes())
-    paths = [Path(one["path"]) for one in inputs["motions"]] + [Path(one["name"]) for one in inputs["models"]]
-    home, resolved = folder.resolve(), (path.resolve() for path in paths)
+    paths = [one["path"] for one in inputs["motions"]] + [one["name"] for one in inputs["models"]]
+    home, resolved = folder.resolve(), (Path(path).resolve() for path in paths if path)
     return {path.relative_to(home) for path in resolved if path.is_relative_to(home)}
 
 

@@ -13,7 +13,7 @@ from uuid import uuid4
 
 import pandas as pd
 
-from adapt.output.publishing import publish
+from adapt.output.publishing import Inputs, publish, refuse_inputs_of
 from adapt.output.written_files import RECORD, sha256
 from adapt.solvers.newton.postures import OFFSETS_SEED
 from adapt.tables.results import as_csv
@@ -26,9 +26,6 @@ try:
     import fcntl
 except ImportError:  # Windows: no lock keeps two runs apart there
     fcntl = None
-
-Files = dict[str, list[dict[str, str | None]]]
-"""Entries of run.json for the motion files and the models."""
 
 _VERSIONS_OF = ("girdle", "jax", "jaxlib", "llvmlite", "numpy", "optimistix", "pandas")
 
@@ -50,11 +47,14 @@ def prepare_folder(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+def results_folder(path: str | os.PathLike[str], inputs: Inputs | None = None, command: str = "") -> Iterator[Path]:
     """Prepare the folder and lock it for this run alone; InputError if another run holds the lock.
 
-    Half-written files of a killed run are removed.
+    Half-written files of a killed run are removed. With ``inputs``, InputError if one of them is a file that the
+    command writes there, before hours of work.
     """
+    if inputs is not None:
+        refuse_inputs_of(inputs, command, Path(path))
     folder = prepare_folder(path)
     lock = _lock(folder)
     try:
@@ -121,7 +121,7 @@ def write_json(record: dict[str, object], path: Path) -> None:
     atomic_write(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
-def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
+def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Inputs:
     """Record the input files of a run with their SHA-256.
 
     Record them before they are read: they can change during the run. Paths are absolute, so that the run can be
@@ -137,7 +137,7 @@ def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
     }
 
 
-def run_key(inputs: Files, options: dict[str, object]) -> str:
+def run_key(inputs: Inputs, options: dict[str, object]) -> str:
     """Hash all that the results of a run depend on to a key of 16 hexadecimal digits.
 
     A pipe has no hash: its run has a random key.
@@ -151,7 +151,7 @@ def run_key(inputs: Files, options: dict[str, object]) -> str:
 def write_run(
     folder: Path,
     command: str,
-    inputs: Files,
+    inputs: Inputs,
     options: dict[str, object],
     left_out: Sequence[InputError] = (),
 ) -> None:

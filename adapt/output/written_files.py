@@ -23,7 +23,7 @@ DATA = ("motions.csv", "truth.csv")
 _LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 
 _TABLES = ("fits.csv", "summary.csv", "parameters.csv", "heldout.csv")
-_UNLISTED = {
+WRITTEN_BY: dict[str, tuple[str, ...]] = {
     "fit": _TABLES[:2],
     "adapt": (*_TABLES, "positions.csv", "report.html"),
     "diagnose": (
@@ -37,7 +37,7 @@ _UNLISTED = {
     ),
     "simulate": DATA,
 }
-"""Files of a run that left no list, by its command."""
+"""Files of a run by its command, without ``RECORD`` and models."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def _unlisted(folder: Path) -> list[str]:
     """Return the files of a version that left a record and no list."""
     try:
         command = json.loads((folder / RECORD).read_bytes())["command"]
-        return [RECORD, *_UNLISTED[command], *(_unlisted_models(folder) if command == "adapt" else ())]
+        return [RECORD, *WRITTEN_BY[command], *(_unlisted_models(folder) if command == "adapt" else ())]
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return []
 

@@ -117,6 +117,18 @@ def test_what_a_run_reads_stays(motion, tmp_path):
     assert names(folder) == {"motions.csv", "truth.csv", "run.json", LIST}
 
 
+@pytest.mark.parametrize("command", ["fit", "adapt", "diagnose", "trust", "muscles"])
+def test_an_input_that_the_run_would_replace_is_refused_before_any_work(motion, tmp_path, monkeypatch, command):
+    for work in ("adapt.cli.commands.fit_runs.fit_postures", "adapt.evaluation.held_out.adapt_batch"):
+        monkeypatch.setattr(work, lambda *_: pytest.fail("worked for nothing"))
+    given = tmp_path / "summary.csv" if command != "trust" else tmp_path / "trust.csv"
+    given.write_bytes(motion.read_bytes())
+    ended = girdle(command, given, "--out", tmp_path)
+    assert ended.status == 2
+    assert f"this run reads {given.name} in this folder and would replace it" in ended.err
+    assert given.read_bytes() == motion.read_bytes()
+
+
 def test_a_run_that_failed_leaves_the_one_before(adapted, motion, monkeypatch):
     before = {name: (adapted / name).read_bytes() for name in names(adapted)}
     monkeypatch.setattr("adapt.cli.commands.fit_runs.write_run", lambda *_: (_ for _ in ()).throw(OSError(28, "full")))

@@ -57,7 +57,7 @@ def diagnose_motions(
     gc.freeze()  # keeps objects of the imports out of every garbage collection, which saves a tenth of a short run
     table, models, record = read_inputs(motions, asked, angles)
     check_there(table, positions, position_noise_mm)
-    with results_folder(out) as folder:
+    with results_folder(out, record, "diagnose") as folder:
         with progress(errors) as report:
             result = adapt_with_every_fold(table, models, progress=report)
             given = {"noise_deg": noise_deg, "positions": positions, "position_noise_mm": position_noise_mm}
@@ -96,7 +96,7 @@ def assess_motions(
 ) -> None:
     """Adapt, write the files of ``girdle trust`` and print how far the result can be trusted."""
     table, sets, record = read_inputs(motions, models, angles)
-    with results_folder(out) as folder:
+    with results_folder(out, record, "trust") as folder:
         with progress(errors) as report:
             found = assess_trust(table, sets, weight, choose_weight, report, own_bones)
         with transaction(folder) as staged:
@@ -128,7 +128,7 @@ def compare_muscles(
     for one in sets:
         muscle_lines_of(one, table.subjects)  # raises for a set without landmarks before anything is fitted
     humerus_pose(table)  # raises for a column without numbers
-    with results_folder(out) as folder:
+    with results_folder(out, record, "muscles") as folder:
         with progress(errors) as report:
             result = adapt_subjects(table, sets, weight, progress=report)
             report("muscles")

@@ -54,7 +54,7 @@ def fit_motions(
     """Fit every posture without adaptation, write the files of ``girdle fit`` and print the summary."""
     effects = read_known(effect).effects  # only an adaptation uses the thorax points
     table, sets, record = read_inputs(motions, models, angles)
-    with results_folder(out) as folder:
+    with results_folder(out, record, "fit") as folder:
         with progress(errors) as report:
             result = fit_postures(table, sets, report, np.float32 if float32 else np.float64, effects)
         with transaction(folder) as staged:
@@ -114,7 +114,7 @@ def adapt_motions(
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = _chunks(files, missing, asked.angles, size)  # finds bad input before the folder of the results is made
     options: dict[str, object] = asdict(asked)
-    with results_folder(out) as folder:
+    with results_folder(out, record, "adapt") as folder:
         chunk_files = ChunkFiles(folder, run_key(record, options | {"chunk": size}))
         with progress(errors) as report:
             table = chunk_files.make(work, chunks, maker, report)
