@@ -130,7 +130,7 @@ def _with_own_bones(
     """Adapt with folds and with own bones; folds use scales learnt without the person."""
     progress("own bones")
     several = data.counted.shape[1]
-    problem, fitted, tested = _of_folds(rows, folds, len(models))
+    problem, fitted, tested = _places_of_folds(rows, folds, len(models))
     every = np.append(np.arange(several), problem)
     both = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
     if effects is not None:
@@ -177,7 +177,7 @@ def held_out_with_own_bones(
     postures of ``rows``.
     """
     data = problems_of(rows, [model])
-    problem, fitted, tested = _of_folds(rows, folds, 1)
+    problem, fitted, tested = _places_of_folds(rows, folds, 1)
     known = {id(one): one.of([model], rows.subjects, held_out=True) for one in people}
     scales = [known[id(one)][fold.subject] for one, fold in zip(people, folds, strict=True)]
 
@@ -215,7 +215,7 @@ def held_out(
 def _held_out(
     data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Adapt
 ) -> HeldOut:
-    problem, fitted, tested = _of_folds(rows, folds, data.counted.shape[1] // len(rows.subjects))
+    problem, fitted, tested = _places_of_folds(rows, folds, data.counted.shape[1] // len(rows.subjects))
     progress(f"held-out gaps, {len(problem)} adaptations")
     return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
 
@@ -229,7 +229,7 @@ def _as_held_out(
     return HeldOut(tuple(folds), without, gaps, data, simulated)
 
 
-def _of_folds(
+def _places_of_folds(
     rows: PostureRows, folds: Sequence[Fold], models: int
 ) -> tuple[Int[np.ndarray, " folds"], Places, Places]:
     """Return the problem of each fold of each model, and the postures that are fitted and tested."""

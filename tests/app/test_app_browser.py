@@ -164,6 +164,7 @@ def test_shoulders_are_diagnosed_and_a_broken_file_beside_them_is_removed(page, 
     report = page.frame_locator("iframe.report")
     verdict = report.get_by_role("heading", level=1)
     expect(verdict).to_contain_text(f"the gap of {len(shoulders)} shoulders on held-out motions")
+    expect(verdict).not_to_contain_text("skin_artefact")
     expect(report.get_by_role("heading", name="What cannot be told apart")).to_be_visible()
 
 

@@ -43,7 +43,7 @@ were set when the sets left 3.0 and 2.6, 2.5 and 2.4 without causes. With their 
 1.3."""
 
 SHOULDERS = {"breteler_dissection": "bonepin_cadaver[23]_right*.csv", "breteler_mri": "bonepin_cadaver[12]_left*.csv"}
-"""A shoulder each of two persons: all six take three times as long, with the same result."""
+"""A shoulder each of two persons: with both shoulders of each a diagnosis takes twice as long."""
 
 RATIO, PERSON_DEG = 0.65, 1.25
 """Largest ratio of the held-out gap with the causes to the gap without, and largest gap on held-out persons."""

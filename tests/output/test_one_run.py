@@ -121,7 +121,7 @@ def test_what_a_run_reads_stays(motion, tmp_path):
 def test_an_input_that_the_run_would_replace_is_refused_before_any_work(motion, tmp_path, monkeypatch, command):
     for work in ("adapt.cli.commands.fit_runs.fit_postures", "adapt.evaluation.held_out.adapt_batch"):
         monkeypatch.setattr(work, lambda *_: pytest.fail("worked for nothing"))
-    given = tmp_path / "summary.csv" if command != "trust" else tmp_path / "trust.csv"
+    given = tmp_path / "summary.csv"
     given.write_bytes(motion.read_bytes())
     ended = girdle(command, given, "--out", tmp_path)
     assert ended.status == 2

@@ -211,10 +211,9 @@ def main(seeds: str = "50:55") -> None:
         for condition in ("two_motions", "landmarks"):
             found = [separation2(Case(condition, label, seed)) for seed in range(first, end)]
             numbers = len(EFFECTS[label].prior.scale)
-            shares = zip(
-                *((could_be_named(one), could_be_named_without_size(one, numbers)) for one in found), strict=True
-            )
-            row += [" ".join(f"{one:.0f}" for one in found), *(f"{np.mean(share):.2f}" for share in shares)]
+            known = np.mean([could_be_named(one) for one in found])
+            unknown = np.mean([could_be_named_without_size(one, numbers) for one in found])
+            row += [" ".join(f"{one:.0f}" for one in found), f"{known:.2f}", f"{unknown:.2f}"]
         table.append(row)
         print(*row, flush=True)
     means = [f"{np.mean([float(row[k]) for row in table]):.2f}" for k in (2, 3, 5, 6)]
