@@ -151,7 +151,7 @@ def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause
             amplitude, root = given.amplitude_of(times)
             means.append(amplitude[own])
             variances.append(np.diag(np.linalg.inv(root @ root.T))[own])
-    weight = probabilities_of_draws([node.resampled for node in within]).ravel() / len(search.times)
+    weight = probabilities_of_draws([search.resampled(node) for node in within]).ravel() / len(search.times)
     mean = weight @ np.array(means)
     variance = weight @ np.array(variances) + weight @ (np.array(means) - mean) ** 2
     draws = draws_of(search, BIAS)

@@ -8,8 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.joint_fit import Linearised
-from adapt.diagnosis.inference.search import Node
-from adapt.diagnosis.inference.weights import probabilities
 from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
@@ -29,9 +27,8 @@ class CredibleSet(NamedTuple):
     shares: tuple[float, ...]
 
 
-def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
-    """Find the credible set in place of the cause ``own``; ``place``: fitted sets by the cause that they have there."""
-    share = dict(zip(place, probabilities([node.resampled for node in place.values()]).tolist(), strict=True))
+def credible_set(own: str, share: Mapping[str, float]) -> CredibleSet:
+    """Find the credible set in place of the cause ``own``; ``share``: probability of each cause there."""
     names, kept, reached = [], [], 0.0
     for name in sorted(share, key=lambda name: (name != own, -share[name])):
         if reached >= LEVEL or (names and share[name] < _LEAST_SHARE):

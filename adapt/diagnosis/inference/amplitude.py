@@ -61,7 +61,7 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
     """
     generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
     within = [node for node in search.usable if name in node.hypothesis]
-    share = probabilities_of_draws([node.resampled for node in within])
+    share = probabilities_of_draws([search.resampled(node) for node in within])
     counts = generator.multinomial(_DRAWS // len(search.times), share.T)
     found, persons = [], _persons(search)
     for node, of_persons in zip(within, counts.T, strict=True):

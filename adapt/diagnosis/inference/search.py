@@ -60,23 +60,14 @@ _KEPT = 20
 _WORST = -1e9
 
 
-class Node(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Node:
     """Fitted hypothesis."""
 
     hypothesis: Hypothesis
     posterior: Posterior
-    by_belief: Float[np.ndarray, "beliefs draws"]
-    """Values log w_k evidence_k + |H| log odds: first for all persons, then for each draw of persons."""
-
-    @property
-    def value(self) -> float:
-        """V for all persons."""
-        return float(np.logaddexp.reduce(self.by_belief[:, 0]))
-
-    @property
-    def resampled(self) -> Float[np.ndarray, " draws"]:
-        """V for each draw of persons."""
-        return np.logaddexp.reduce(self.by_belief[:, 1:])
+    value: float
+    """V for all persons."""
 
 
 class Hope(NamedTuple):
@@ -101,6 +92,8 @@ class Search:
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
     predicted: dict[tuple[Hypothesis, Hypothesis], float] = field(default_factory=dict)
     """Cache of V predicted from the mode of another set, by the names of both sets."""
+    draws: dict[Node, Float[np.ndarray, "beliefs draws"]] = field(default_factory=dict)
+    """Cache of the terms of V of fitted sets by draw of persons; only few sets need them."""
     posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
     """Cache of the modes of the few sets whose predictions were needed (``mode``)."""
     discrepancy: Discrepancy = TYPICAL
@@ -180,35 +173,50 @@ class Search:
     def _add(self, posterior: Posterior) -> Node:
         """Add a fitted hypothesis, unless another mode of the hypothesis has more evidence."""
         hypothesis = posterior.hypothesis
-        by_belief = np.full((len(self.beliefs), 1 + len(self.times)), _WORST)
         amplitude = self.given(posterior, hypothesis).amplitude
-        if self.joint.candidates.has_the_sign(hypothesis, amplitude, self.known):
-            by_belief = self._by_belief(posterior, hypothesis, self.times)
-        node, other = Node(hypothesis, posterior, by_belief), self.nodes.get(hypothesis)
+        possible = self.joint.candidates.has_the_sign(hypothesis, amplitude, self.known)
+        value = self._value(posterior, hypothesis) if possible else _WORST
+        node, other = Node(hypothesis, posterior, value), self.nodes.get(hypothesis)
         if other is None or node.value > other.value:
             self.nodes[hypothesis] = node
         self.progress(f"{len(self.nodes)} sets of causes")
         return self.nodes[hypothesis]
 
-    def _by_belief(
-        self, posterior: Posterior, hypothesis: Hypothesis, times: Float[np.ndarray, "draws subjects"]
-    ) -> Float[np.ndarray, "beliefs 1+draws"]:
-        """Compute the terms of V for each belief, for all persons and for the weights ``times``, in the linear model
-        around the mode of a subset."""
+    def _given_by_belief(self, posterior: Posterior, hypothesis: Hypothesis) -> list[Given]:
+        """Return the evidence given a set of causes with each belief, in the linear model around the mode of a
+        subset."""
         candidates = self.joint.candidates
         where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
         believed = candidates.mean[where], candidates.scale[where]
-        each = [one.given(where, here[where], *believed) for one in posterior.by_belief]
-        found = [np.append(one.log_evidence, one.resampled(times) if len(times) else []) for one in each]
-        return np.array(found) + len(hypothesis) * self.log_odds + log_weights(self.beliefs, self.log_odds)[:, None]
+        return [one.given(where, here[where], *believed) for one in posterior.by_belief]
 
-    def by_belief(self, near: Node, hypothesis: Hypothesis) -> Float[np.ndarray, "beliefs draws"]:
-        """Predict the terms of V for each belief and draw of persons from the mode of another set."""
-        return self._by_belief(near.posterior, hypothesis, self.times)[:, 1:]
+    def _log_prior(self, hypothesis: Hypothesis) -> Float[np.ndarray, " beliefs"]:
+        """Compute log w_k + |H| log odds."""
+        return len(hypothesis) * self.log_odds + log_weights(self.beliefs, self.log_odds)
+
+    def _by_belief(self, posterior: Posterior, hypothesis: Hypothesis) -> Float[np.ndarray, " beliefs"]:
+        """Compute the terms log w_k evidence_k + |H| log odds of V for all persons."""
+        each = self._given_by_belief(posterior, hypothesis)
+        return np.array([one.log_evidence for one in each]) + self._log_prior(hypothesis)
 
     def _value(self, posterior: Posterior, hypothesis: Hypothesis) -> float:
         """Compute V of a set in the linear model around the mode of a subset."""
-        return float(np.logaddexp.reduce(self._by_belief(posterior, hypothesis, self.times[:0])[:, 0]))
+        return float(np.logaddexp.reduce(self._by_belief(posterior, hypothesis)))
+
+    def by_belief(self, near: Node, hypothesis: Hypothesis) -> Float[np.ndarray, "beliefs draws"]:
+        """Predict the terms of V for each belief and draw of persons from the mode of another set."""
+        each = self._given_by_belief(near.posterior, hypothesis)
+        return np.array([one.resampled(self.times) for one in each]) + self._log_prior(hypothesis)[:, None]
+
+    def of_draws(self, node: Node) -> Float[np.ndarray, "beliefs draws"]:
+        """Compute the terms of V of a fitted set for each belief and draw of persons."""
+        if node not in self.draws:
+            self.draws[node] = self.by_belief(node, node.hypothesis)
+        return self.draws[node]
+
+    def resampled(self, node: Node) -> Float[np.ndarray, " draws"]:
+        """Compute V of a fitted set for each draw of persons."""
+        return np.logaddexp.reduce(self.of_draws(node))
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
         """Return the evidence given a set of causes, in the linear model around the mode of a subset."""
@@ -361,6 +369,7 @@ class Search:
         self.discrepancy = self._most_probable(before[0])
         self.nodes = {}
         self.predicted.clear()
+        self.draws.clear()
         thetas, amplitudes = zip(*((one.posterior.theta_mm, one.posterior.amplitude) for one in before), strict=True)
         for posterior in self._modes([one.hypothesis for one in before], thetas, amplitudes):
             self._add(posterior)
@@ -369,7 +378,7 @@ class Search:
         """Find the discrepancy of the belief that is most probable with a set."""
         at = node.posterior
         by_belief = tuple(self._linear(self._with(one.discrepancy), at) for one in self.beliefs)
-        found = self._by_belief(replace(at, by_belief=by_belief), node.hypothesis, self.times[:0])[:, 0]
+        found = self._by_belief(replace(at, by_belief=by_belief), node.hypothesis)
         return self.beliefs[int(np.argmax(found))].discrepancy
 
     def in_place_of(self, node: Node, own: str) -> dict[str, Node]:

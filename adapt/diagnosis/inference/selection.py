@@ -49,8 +49,13 @@ def name_causes(search: Search) -> Named:
     chosen, places = _chosen(search)
     hypothesis, causes = chosen.hypothesis, search.joint.candidates.causes
     shown = [one for one in hypothesis if by_positions(search, one, hypothesis) >= LEAST_PROBABILITY]
-    sets = {name: credible_set(causes[name], places[name]) for name in hypothesis}
+    sets = {name: credible_set(causes[name], _shares(search, places[name])) for name in hypothesis}
     return Named(hypothesis, chosen, sets, frozenset(map(cause_of, shown)))
+
+
+def _shares(search: Search, place: Mapping[str, Node]) -> dict[str, float]:
+    """Compute the probability of each cause in a place, over resampled persons."""
+    return dict(zip(place, probabilities([search.resampled(one) for one in place.values()]).tolist(), strict=True))
 
 
 def by_positions(search: Search, name: str, hypothesis: Hypothesis) -> float:
@@ -124,6 +129,6 @@ def _weakest(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) 
     needed: dict[str, float] = {}
     for name, place in places.items():
         sets = search.without(node, name), *place.values()
-        needed[name] = 1.0 - probabilities([one.resampled for one in sets])[0]
+        needed[name] = 1.0 - probabilities([search.resampled(one) for one in sets])[0]
     weakest = min(needed, key=needed.__getitem__, default=None)
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None

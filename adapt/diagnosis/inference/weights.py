@@ -57,7 +57,7 @@ def weigh(search: Search) -> Weights:
     )
     starts = {hypothesis: start for _, hypothesis, start in widened}  # the most probable start is last
     each = {name: search.by_belief(start, name) for name, start in starts.items()}
-    each |= {node.hypothesis: node.by_belief[:, 1:] for node in search.usable}
+    each |= {node.hypothesis: search.of_draws(node) for node in search.usable}
     every = np.array(list(each.values()))
     shares = probabilities([one for of_set in every for one in of_set]).reshape(every.shape[:2])
     found = dict(zip(each, shares.sum(axis=1).tolist(), strict=True))
