@@ -237,10 +237,11 @@ def test_of_the_modes_of_a_set_that_of_most_evidence_is_kept():
     search = searched("scapula_landmark_bias")
     (name,) = best = search.best.hypothesis
     good = search.nodes.pop(best)
-    far = good._replace(
+    far = replace(
+        good,
         posterior=replace(
             good.posterior, theta_mm=good.posterior.theta_mm + 60.0, amplitude=-9.0 * good.posterior.amplitude
-        )
+        ),
     )
     worse = search._modes([best], [far.posterior.theta_mm], [far.posterior.amplitude])[0]
     assert search._value(worse, best) < good.value - 1.0, "else it shows nothing"
