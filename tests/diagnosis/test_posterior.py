@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal, multivariate_t, norm
 from small_worlds import joint_fit, root_of, searched
 
-from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy, common_curves, whitening
+from adapt.diagnosis.fit.discrepancy import LOG_SD, NOTHING_OF, TYPICAL, Discrepancy, common_curves, whitening
 from adapt.diagnosis.fit.joint_fit import JointFit
-from adapt.diagnosis.fit.likeliest import likeliest
+from adapt.diagnosis.fit.likeliest import likeliest, log_volume
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.posterior import Posterior, modes
 from adapt.diagnosis.fit.shoulders import usable
@@ -29,6 +31,11 @@ INTERPOLATED = 0.02
 
 FOUND = np.log(1.6)
 """Tolerance for a logarithm: the SD of some ten independent numbers is known to a fifth, and the prior adds as much."""
+
+LAPLACE = 0.7
+"""Tolerance in nats of Laplace's method with three or four numbers, and of ``DRAWS`` draws."""
+
+DRAWS = 400
 
 ALIKE = 1e-3
 """SD of the amplitudes between shoulders in prior SDs: practically none."""
@@ -184,19 +191,78 @@ def test_two_starts_find_one_mode():
 def test_the_discrepancy_that_drew_the_data_is_found(true):
     """Check noise that is small beside a smooth part, in postures 20 deg apart, with a long length scale."""
     joint = joint_fit()
-    root = np.linalg.cholesky(dense_covariance(joint, true))
-    generator = np.random.default_rng(8)
-    found = []
-    for _ in range(4):
-        y = root @ generator.standard_normal((len(root), 3))
-        Z = np.zeros((*y.shape, N + len(joint.candidates.scale)))
-        every = np.arange(len(joint.candidates.scale))
-        evidence = Likelihood.of(joint, true).evidence(joint.model.theta_mm, y, Z, every, np.zeros(len(every)))
-        at = Posterior((), joint.model.theta_mm, np.zeros(0), y, Z, evidence)
-        found.append(np.log(likeliest(joint, at)))
+    found = [np.log(likeliest(joint, drawn(joint, true, seed)).discrepancy) for seed in range(4)]
     off = np.mean(found, axis=0) - np.log(true)
     assert abs(off[0]) < FOUND
     assert abs(off[1]) < FOUND
+
+
+def drawn(joint: JointFit, true: Discrepancy, seed: int) -> Posterior:
+    """Draw y from a discrepancy, where neither parameters nor causes have an influence."""
+    root = np.linalg.cholesky(dense_covariance(joint, true))
+    y = root @ np.random.default_rng((8, seed)).standard_normal((len(root), 3))
+    Z, every = np.zeros((*y.shape, N + len(joint.candidates.scale))), np.arange(len(joint.candidates.scale))
+    evidence = Likelihood.of(joint, true).evidence(joint.model.theta_mm, y, Z, every, np.zeros(len(every)))
+    return Posterior((), joint.model.theta_mm, np.zeros(0), y, Z, evidence)
+
+
+def log_density(joint: JointFit, y: np.ndarray, found: Discrepancy) -> float:
+    """Compute the log density of y from the definition of its covariance."""
+    covariance = dense_covariance(joint, found)
+    return float(multivariate_normal(np.zeros(len(y)), covariance).logpdf(y.T).sum())
+
+
+NOISE = TYPICAL._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
+"""Nothing but noise."""
+
+OWN = NOISE._replace(of_shoulder_deg=1.0, of_motion_deg=0.5)
+COMMON = OWN._replace(common_deg=1.0, common_motion_deg=0.5)
+
+
+def log_probability(joint: JointFit, at: Posterior, left: str) -> float:
+    """Compute the log probability of the data with a belief, from the definition at its hyperparameters."""
+    belief = likeliest(joint, at, left)
+    return log_density(joint, at.y, belief.discrepancy) + belief.log_volume
+
+
+@pytest.mark.parametrize(("true", "right"), [(NOISE, "noise"), (OWN, "own"), (COMMON, "common")])
+def test_the_belief_that_drew_the_data_is_the_most_probable(true, right):
+    """Check that free hyperparameters cost what they explain by chance: the widest belief always fits best."""
+    joint = joint_fit()
+    for seed in range(3):
+        at = drawn(joint, true, seed)
+        by_belief = {left: log_probability(joint, at, left) for left in NOTHING_OF}
+        assert max(by_belief, key=by_belief.__getitem__) == right
+
+
+@pytest.mark.parametrize("left", ["noise", "own"])
+def test_the_integral_over_the_hyperparameters_is_that_of_draws_from_their_prior(left):
+    """Check against the mean density over draws from a wide distribution about the mode, weighted by the prior."""
+    joint, generator = joint_fit(), np.random.default_rng(5)
+    at = drawn(joint, OWN, 0)
+    found = likeliest(joint, at, left).discrepancy
+    names = [name for name in ("noise_deg", "of_motion_deg", "of_shoulder_deg", "length_deg") if getattr(found, name)]
+    sd, median = (np.array([one[Discrepancy._fields.index(name)] for name in names]) for one in (LOG_SD, TYPICAL))
+    mode = np.log([getattr(found, name) for name in names] / median) / sd
+    wide = multivariate_t(mode, 0.25 * np.eye(len(names)), df=3, seed=generator)
+    z = wide.rvs(DRAWS).reshape(DRAWS, -1)
+    each = np.array(
+        [
+            log_density(joint, at.y, found._replace(**dict(zip(names, median * np.exp(sd * one), strict=True))))
+            for one in z
+        ]
+    )
+    log_integral = logsumexp(each + norm.logpdf(z).sum(axis=1) - wide.logpdf(z)) - np.log(DRAWS)
+    assert log_probability(joint, at, left) == pytest.approx(log_integral, abs=LAPLACE)
+
+
+def test_the_integral_of_a_gaussian_is_exact():
+    """Check a likelihood exp(-(z - m)'A(z - m) / 2), whose integral is exp(-m'(I + A^-1)^-1 m / 2) / |I + A|^1/2."""
+    A, m = np.array([[3.0, 0.8], [0.8, 2.0]]), np.array([0.7, -1.1])
+    z = np.linalg.solve(np.eye(2) + A, A @ m)
+    log_integral = -0.5 * (m @ np.linalg.solve(np.eye(2) + np.linalg.inv(A), m) + np.linalg.slogdet(np.eye(2) + A)[1])
+    found = log_volume(lambda x: 0.5 * (x @ x + (x - m) @ A @ (x - m)), z)
+    assert found - 0.5 * (z - m) @ A @ (z - m) == pytest.approx(log_integral, abs=1e-10)
 
 
 def test_neighbouring_postures_tell_little_of_what_is_smooth():

@@ -154,5 +154,5 @@ def test_a_fit_to_some_of_the_rows_knows_what_these_show():
 def test_that_they_share_noise_is_believed_where_it_explains_more(of_the_same_marker):
     search = laid_out(of_the_same_marker)
     first = search.fit((), None)
-    search._share_noise(first, likeliest(search.joint, first.posterior))
+    search._share_noise(first, likeliest(search.joint, first.posterior).discrepancy)
     assert (rows_of(search).noise_in_y is None) == of_the_same_marker

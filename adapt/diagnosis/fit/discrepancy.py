@@ -109,10 +109,12 @@ class Belief(NamedTuple):
     left: str
     """Key of ``NOTHING_OF``."""
     discrepancy: Discrepancy
+    log_volume: float = 0.0
+    """Logarithm of the integral over the hyperparameters, relative to the evidence at their mode."""
 
 
 def log_weights(beliefs: Sequence[Belief], log_odds: float) -> Float[np.ndarray, " beliefs"]:
-    """Compute the prior log probability of each belief.
+    """Compute the prior log probability of each belief, with its integral over the hyperparameters.
 
     A part that all shoulders have in common acts like an unlisted cause and has its prior probability; all beliefs with
     such a part share this probability. ``log_odds``: prior log odds of one listed cause.
@@ -120,7 +122,7 @@ def log_weights(beliefs: Sequence[Belief], log_odds: float) -> Float[np.ndarray,
     count = sum(one.left == "common" for one in beliefs)
     of_common = _UNKNOWN * log_odds - np.log(max(1, count))
     weights = np.array([of_common if one.left == "common" else 0.0 for one in beliefs])
-    return weights - np.logaddexp.reduce(weights)
+    return weights - np.logaddexp.reduce(weights) + [one.log_volume for one in beliefs]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ The evidence is computed as in ``fit.posterior``, with each belief k about the u
 alone, something of each shoulder, or something common to all shoulders. The first two beliefs have equal weights w. The
 common part acts like a cause that is not in the list, so the weight of its belief is that of two more causes. The
 variances of the beliefs are estimated from what the best set leaves unexplained: first of a pass with noise alone, then
-of a pass with the variances found before. The common belief is also used with the variances where nothing is named.
+of a pass with the variances found before. The common belief is also used with the variances where nothing is named. The
+weights include the integral over the variances (``fit.likeliest.log_volume``).
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -271,10 +272,11 @@ class Search:
         """
         first = self.fit(self.known, None)
         smooth = likeliest(self.joint, first.posterior)
-        noise = smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
+        left = smooth.discrepancy
+        noise = left._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
         self._place_landmarks(first, noise)
-        self._share_noise(first, smooth)
-        white_deg = float(np.sqrt(noise.noise_deg**2 + smooth.smooth_deg2))  # with less, modes take many more steps
+        self._share_noise(first, left)
+        white_deg = float(np.sqrt(left.noise_deg**2 + left.smooth_deg2))  # with less, modes take many more steps
         self._believe([Belief("noise", noise._replace(noise_deg=white_deg))])
         self._beams()
         self._learn(self.best, smooth)
@@ -348,17 +350,16 @@ class Search:
         here = candidates.among_all(at.hypothesis, at.amplitude)
         return likelihood.evidence(at.theta_mm, at.y, at.Z, np.arange(len(candidates.scale)), here)
 
-    def _learn(self, best: Node, smooth: Discrepancy) -> None:
-        """Estimate the discrepancy of each belief from the best set, and refit the best sets. ``smooth``: discrepancy
-        where nothing is named."""
+    def _learn(self, best: Node, smooth: Belief) -> None:
+        """Learn each belief from the best set, and refit the best sets. ``smooth``: common belief where nothing is
+        named."""
         self.learnt = best.hypothesis
         before = {one.left: one.discrepancy for one in reversed(self.beliefs)}
         beliefs = [
-            Belief(left, likeliest(self.joint, best.posterior, none, before.get(left, smooth)))
-            for left, none in NOTHING_OF.items()
+            likeliest(self.joint, best.posterior, left, before.get(left, smooth.discrepancy)) for left in NOTHING_OF
         ]
         if best.hypothesis != self.known:
-            beliefs.append(Belief("common", smooth))
+            beliefs.append(smooth)
         self._believe(beliefs)
 
     def _believe(self, beliefs: Sequence[Belief]) -> None:

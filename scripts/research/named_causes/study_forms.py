@@ -104,7 +104,7 @@ def compared(truth: dict, motions: Motions) -> dict[str, float]:
     shoulders, _ = usable(motions)
     effects = (*(one for one in EFFECTS.values() if cause_of(one.name) == label), true_effect(truth, shoulders.motions))
     first = search_of(model, shoulders, effects)
-    left_over = likeliest(first.joint, fitted(first, (TRUE,)).posterior)
+    left_over = likeliest(first.joint, fitted(first, (TRUE,)).posterior).discrepancy
     settled = Search(first.joint, first.folds, discrepancy=left_over, beliefs=(Belief("common", left_over),))
     none, *library, true = (log_evidence(settled, hypothesis) for hypothesis in ((), *((one.name,) for one in effects)))
     return {"library": max(library) - none, "true": true - none}
