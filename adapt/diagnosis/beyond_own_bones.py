@@ -10,6 +10,15 @@ tested so: constants, known causes, and causes that positions show. Causes witho
 better are removed, the worst first. All are removed unless share(V) is at least ``LEAST_SHARE`` with a probability of
 one half or more over resampled persons. Causes that measured positions show stay.
 
+Own bones of each person may predict as well as a cause that all persons have, and yet need the same bones in all of
+them. So where the best set leaves noise alone, causes also stand by the evidence of the persons s, unless the others
+predict better:
+
+    log odds(V : V_0) = sum over s of log p_s(V) - log p_s(V_0) - |x|^2 / 2 - log det(S L L' S) / 2 + log prior odds
+
+with p_s the likelihood with own bones (``own_bones.scales``), x the sizes in their prior SDs S, and L L' the
+posterior precision of the sizes.
+
 Own bones can represent a constant cause: a constant of each person predicts as well as a constant common to all. Such a
 cause is named if the common constant a exceeds the variation between persons. The persons' constants are N(a, s^2),
 with s the scale learnt beside the causes times the SD between persons; for a bone, this SD is the SD of the cause. The
@@ -52,6 +61,9 @@ LEAST_SHARE = 0.1
 
 LEAST_PROBABILITY = 0.5
 """Smallest probability that the causes take this share."""
+
+WORSE = 0.9
+"""Probability of a larger gap on held-out motions, from which evidence does not count."""
 
 SURE = 0.8
 """Smallest probability of a common constant for which it is named."""
@@ -187,10 +199,15 @@ class OwnBonesNull:
         while held := [name for name in chosen if self.is_held(name)]:
             self.predict([chosen, *(without(chosen, name) for name in held)], named)
             gaps = {name: self._mean(without(chosen, name), named) for name in held}
-            worst = min(held, key=gaps.__getitem__)
-            if gaps[worst] > self._mean(chosen, named):
+            idle = [
+                name
+                for name, gap in gaps.items()
+                if gap <= self._mean(chosen, named)
+                and self.evident(without(chosen, name), chosen, named) < LEAST_PROBABILITY
+            ]
+            if not idle:
                 break
-            chosen = without(chosen, worst)
+            chosen = without(chosen, min(idle, key=gaps.__getitem__))
         return self.tested(chosen, named, floor_deg)
 
     def tested(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> Hypothesis:
@@ -198,16 +215,53 @@ class OwnBonesNull:
         return chosen if self.probability(chosen, named, floor_deg) >= LEAST_PROBABILITY else self._constants(chosen)
 
     def probability(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> float:
-        """Compute the probability over resampled persons that causes take ``LEAST_SHARE`` or more of the gap of own
-        bones; 1 where no cause is tested against own bones."""
+        """Compute the probability over resampled persons that causes go beyond own bones, by prediction or by evidence;
+        1 where no cause is tested against own bones."""
         constants = self._constants(chosen)
         if len(chosen) == len(constants):
             return 1.0
-        null, less, more = (known_mean(self.gaps_deg(one, named)) for one in ((), constants, chosen))
-        known = np.isfinite(null + less + more)
+        return max(self.predicts(chosen, named, floor_deg), self.evident(constants, chosen, named))
+
+    def predicts(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> float:
+        """Compute the probability that causes take ``LEAST_SHARE`` or more of the gap of own bones."""
+        null, takes = self._taken(self._constants(chosen), chosen, named)
+        return float(np.mean((takes >= LEAST_SHARE * (null - floor_deg)) & (takes > 0.0)))
+
+    def evident(self, less: Hypothesis, more: Hypothesis, named: Hypothesis) -> float:
+        """Compute the probability by the evidence of the persons that the further causes of ``more`` are active.
+
+        The probability is 0 where more than noise is left, where the gap grows, and for persons too few to learn how
+        they differ.
+        """
+        search, candidates = self.search, self.search.joint.candidates
+        of_more, of_less = (self.people_with(one, named).log_likelihood.get(self.model.name) for one in (more, less))
+        if not (of_more and of_less and search.leaves_noise):
+            return 0.0
+        if float(np.mean(self._taken(less, more, named)[1] < 0.0)) >= WORSE:
+            return 0.0
+        gains = np.array([of_more.get(s, np.nan) - of_less.get(s, np.nan) for s in search.joint.shoulders.subjects])
+        at, where = search.mode(more), candidates.where(more)
+        slices = candidates.slices(more)
+        new = np.concatenate([np.arange(len(where))[own] for effect, own in slices if effect.name not in less])
+        scale = candidates.scale[where][new]
+        x = (at.amplitude[new] - candidates.mean[where][new]) / scale
+        _, root = search.given(at, more).amplitude_of(np.ones(len(gains)))
+        told = scale[:, None] * (root @ root.T)[np.ix_(new, new)] * scale
+        occam = -0.5 * float(x @ x + np.linalg.slogdet(told).logabsdet)
+        log_odds = search.times @ np.nan_to_num(gains) + occam + (len(more) - len(less)) * search.log_odds
+        return float(np.exp(-np.logaddexp(0.0, -log_odds)).mean())
+
+    def _taken(
+        self, less: Hypothesis, more: Hypothesis, named: Hypothesis
+    ) -> tuple[Float[np.ndarray, " draws"], Float[np.ndarray, " draws"]]:
+        """Compute the gap of own bones alone, and how much ``more`` causes take of the gap with ``less``, for draws of
+        persons."""
+        gaps = [known_mean(self.gaps_deg(one, named)) for one in ((), less, more)]
+        known = np.isfinite(sum(gaps))
         weights = resampled_persons(self.persons)[:, known]
-        takes, beyond = weights @ (less - more)[known], weights @ (null[known] - floor_deg)
-        return float(np.mean((takes >= LEAST_SHARE * beyond) & (takes > 0.0)))
+        weights /= weights.sum(axis=1, keepdims=True)
+        null, before, after = (weights @ gap[known] for gap in gaps)
+        return null, before - after
 
     def probability_beyond(self, kept: Hypothesis, named: Hypothesis, floor_deg: float) -> float:
         """Compute the probability that causes go beyond own bones: the ``kept`` causes, or all ``named`` causes if no
@@ -283,12 +337,14 @@ class OwnBonesNull:
         """Check whether a cause is one that own bones can represent, and is not known to be active."""
         return cause_of(name) in OWN_CONSTANTS and name not in self.search.known
 
-    def tested_on(self, name: str) -> tuple[str, ...]:
-        """List the data that confirm a named cause (``Cause.tested_on``)."""
+    def tested_on(self, name: str, kept: Hypothesis, named: Hypothesis, floor_deg: float) -> tuple[str, ...]:
+        """List the data that confirm a cause of the ``kept`` causes (``Cause.tested_on``)."""
         if cause_of(name) in self.seen:
             return (POSITIONS,)
         if not self.is_held(name):
             return ("angles",) if name in self.search.known else ("evidence",)
+        if self.predicts(kept, named, floor_deg) < LEAST_PROBABILITY:
+            return ("evidence",)
         kinds = "other_motion", "other_person"
         return kinds if self.folds[0].kind == PERSON else kinds[:1]
 

@@ -183,7 +183,10 @@ class _Study:
         budget = self._budget(gaps, null, of_causes)
         sets = {name: named.sets[name] for name in order}
         sets = with_what_does_as_well(sets, candidates.causes, self.task.only_angles)
-        causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
+        causes = [
+            Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name, kept, other, mean_floor))
+            for name in order
+        ]
         constants = tuple(filter(null.is_constant, other))
         against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected, search.known)
         shown = with_causes if tested else adapted

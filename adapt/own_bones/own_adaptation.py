@@ -37,6 +37,7 @@ from adapt.own_bones.scales import (
     Scales,
     are_known,
     learnt,
+    log_likelihoods,
     moments,
     relative_variances,
 )
@@ -162,6 +163,8 @@ class People:
     """True where the persons are too few to learn scales; each person's noise is then learnt alone."""
     unsure: Mapping[str, Unsure] = field(default_factory=dict)
     """Corrections of the covariance of sizes, without the axis ``problems``."""
+    log_likelihood: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Log likelihood of every subject that the scales were learnt from."""
 
     def of(self, models: Sequence[AnyModel], subjects: Sequence[str], held_out: bool = False) -> list[Scales]:
         """Return the scales of every subject with every model."""
@@ -215,15 +218,20 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
     everybody = dict(zip(everybody, scales, strict=True))
     variances = _variances_by_enough(of, (of_model == every[:, None]) & known, scales)
     unsure = dict(zip(everybody, map(Unsure, _untold(at, known, len(models)), variances), strict=True))
+    likelihood = {}
+    for k, name in enumerate(everybody):
+        mine = np.flatnonzero((of_model == k) & known)
+        values = log_likelihoods(take_problems(of, mine), [scales[k]] * len(mine))
+        likelihood[name] = dict(zip([subjects[i] for i in (mine % width).tolist()], values.tolist(), strict=True))
     if not held_out:
-        return People(sds, everybody, {name: {} for name in everybody}, unsure=unsure)
+        return People(sds, everybody, {name: {} for name in everybody}, unsure=unsure, log_likelihood=likelihood)
     runs = (of_model == every[:, None, None]) & known & (np.tile(group, len(models)) != np.arange(_GROUPS)[:, None])
     each = _learnt_by_enough(of, runs.reshape(-1, len(known)), [one for one in scales for _ in range(_GROUPS)])
     without = {
         name: {person: each[_GROUPS * k + one] for person, one in zip(persons, group.tolist(), strict=True)}
         for k, name in enumerate(everybody)
     }
-    return People(sds, everybody, without, unsure=unsure)
+    return People(sds, everybody, without, unsure=unsure, log_likelihood=likelihood)
 
 
 def _untold(at: _Optimum, known: Bool[np.ndarray, " problems"], models: int) -> Float[np.ndarray, "models groups"]:

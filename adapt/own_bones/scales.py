@@ -154,6 +154,12 @@ def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence
     return [Scales(*one) for one in (np.exp(x).T * np.array(PRIOR)).tolist()]
 
 
+def log_likelihoods(of: Moments, found: Sequence[Scales]) -> Float[np.ndarray, " problems"]:
+    """Compute the log likelihood of each problem with its scales."""
+    x = np.log(np.array(found) / np.array(PRIOR)).T
+    return -0.5 * (minus_two_log_likelihood(x, of, np.arange(x.shape[1]))[0] - _of_prior(x)[0])
+
+
 def relative_variances(
     of: Moments, runs: Bool[np.ndarray, "runs problems"], found: Sequence[Scales]
 ) -> Float[np.ndarray, "runs groups"]:

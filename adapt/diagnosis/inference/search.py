@@ -443,6 +443,12 @@ class Search:
         return max(self.usable, key=lambda node: node.value)
 
     @property
+    def leaves_noise(self) -> bool:
+        """Check whether beside the best set noise alone is the most probable belief."""
+        by_belief = self._by_belief(self.best.posterior, self.best.hypothesis)
+        return self.beliefs[int(np.argmax(by_belief))].left == "noise"
+
+    @property
     def unexplained_share(self) -> float:
         """Smooth variance along the motions with the best set, as a share of the variance where nothing is named."""
         best, *nothing = self._common
