@@ -234,12 +234,14 @@ class OwnBonesNull:
         they differ.
         """
         search, candidates = self.search, self.search.joint.candidates
-        of_more, of_less = (self.people_with(one, named).log_likelihood.get(self.model.name) for one in (more, less))
-        if not (of_more and of_less and search.leaves_noise):
+        if self.people.are_few or not search.leaves_noise:
             return 0.0
         if float(np.mean(self._taken(less, more, named)[1] < 0.0)) >= WORSE:
             return 0.0
-        gains = np.array([of_more.get(s, np.nan) - of_less.get(s, np.nan) for s in search.joint.shoulders.subjects])
+        after, before = (self.people_with(one, named).log_likelihood[self.model.name] for one in (more, less))
+        gains = np.array(
+            [after[s] - before[s] if s in after.keys() & before else 0.0 for s in search.joint.shoulders.subjects]
+        )
         at, where = search.mode(more), candidates.where(more)
         slices = candidates.slices(more)
         new = np.concatenate([np.arange(len(where))[own] for effect, own in slices if effect.name not in less])
@@ -248,7 +250,7 @@ class OwnBonesNull:
         _, root = search.given(at, more).amplitude_of(np.ones(len(gains)))
         told = scale[:, None] * (root @ root.T)[np.ix_(new, new)] * scale
         occam = -0.5 * float(x @ x + np.linalg.slogdet(told).logabsdet)
-        log_odds = search.times @ np.nan_to_num(gains) + occam + (len(more) - len(less)) * search.log_odds
+        log_odds = search.times @ gains + occam + (len(more) - len(less)) * search.log_odds
         return float(np.exp(-np.logaddexp(0.0, -log_odds)).mean())
 
     def _taken(

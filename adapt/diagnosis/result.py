@@ -52,8 +52,8 @@ class Cause:
     """Difference of the gaps, paired by person, in standard errors."""
     tested_on: tuple[str, ...]
     """Data that confirm the cause: "positions" that measured it; "other_motion" and "other_person", held-out postures
-    that own bones do not predict; "evidence" for a constant that all have in common; "angles" for a computed axial
-    rotation."""
+    that own bones do not predict; "evidence" for what all persons have in common, though own bones predict as well;
+    "angles" for a computed axial rotation."""
 
 
 @dataclass(frozen=True)

@@ -156,6 +156,8 @@ def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence
 
 def log_likelihoods(of: Moments, found: Sequence[Scales]) -> Float[np.ndarray, " problems"]:
     """Compute the log likelihood of each problem with its scales."""
+    if not len(found):
+        return np.zeros(0)
     x = np.log(np.array(found) / np.array(PRIOR)).T
     return -0.5 * (minus_two_log_likelihood(x, of, np.arange(x.shape[1]))[0] - _of_prior(x)[0])
 

@@ -10,8 +10,9 @@ from small_worlds import CANDIDATES, searched, simulated
 from adapt import adapt_subjects
 from adapt.diagnosis.beyond_own_bones import LEAST_PROBABILITY, LEAST_SHARE, SURE, OwnBonesNull
 from adapt.diagnosis.fit.shoulders import usable
-from adapt.diagnosis.inference.search import search_of
+from adapt.diagnosis.inference.search import Search, search_of
 from adapt.evaluation.held_out import HeldOut
+from adapt.own_bones.own_adaptation import People
 from models import load_model
 from models.effects import EFFECTS
 
@@ -73,6 +74,62 @@ def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept, 
         assert (share >= LEAST_PROBABILITY) == (kept == WITH_GAP)
         assert null.probability(ALONE, EVERY, FLOOR_DEG) == 1.0
         assert [step.added for step in null.budget(WITH_GAP, EVERY)] in (["", BIAS, GAP], ["", GAP, BIAS])
+
+
+TEN = 10
+"""Persons from whom scales are learnt."""
+
+
+@pytest.mark.parametrize("world", [GAP, ""])
+def test_a_cause_that_all_persons_have_is_evident_beyond_own_bones(world):
+    """Check ten persons with noise of 1.5 deg, in whom bones of their own predict the other motion nearly as well."""
+    shoulders, _ = usable(simulated(world, subjects=TEN, noise_deg=1.5).motions)
+    search = search_of(load_model("R2"), shoulders, [EFFECTS[name] for name in CANDIDATES]).run()
+    null = OwnBonesNull(
+        search,
+        load_model("R2"),
+        shoulders.motions,
+        dict(EFFECTS),
+        dict(zip(shoulders.subjects, range(TEN), strict=True)),
+    )
+    null.predict([(), (GAP,)], (GAP,))
+    assert search.leaves_noise
+    assert (null.evident((), (GAP,), (GAP,)) > SURE) == bool(world)
+
+
+def set_by_hand(world: str, gains: list[float]) -> OwnBonesNull:
+    """Return a null in which the gap cause has these log likelihood ratios in three persons."""
+    null = null_of(world)
+    for names, values in (((), [0.0] * 3), ((GAP,), gains)):
+        likelihood = dict(zip(null.search.joint.shoulders.subjects, values, strict=True))
+        null.learnt[names] = People({}, {}, {}, log_likelihood={"R2": likelihood})
+    return null
+
+
+def test_evidence_is_weighed_against_what_the_size_costs_and_vetoed_by_prediction(monkeypatch):
+    """Check evidence of 20 nats each, which no size costs; of none; beside a discrepancy; and of a gap that grows."""
+    same, worse = {(): [1.0] * 3, (GAP,): [1.0] * 3}, {(): [1.0] * 3, (GAP,): [1.1] * 3}
+    monkeypatch.setattr(Search, "leaves_noise", True)
+
+    def evident(gains: list[float], gaps_deg: dict) -> float:
+        with _Gaps(set_by_hand(GAP, gains), gaps_deg) as null:
+            return null.evident((), (GAP,), EVERY)
+
+    assert evident([20.0] * 3, same) > SURE
+    assert evident([0.0] * 3, same) < 1.0 / 11.0, (
+        "prior odds of two causes among the candidates, less what the size costs"
+    )
+    assert 0.2 < evident([60.0, -60.0, 0.0], same) < 0.8, "persons disagree"
+    assert evident([20.0] * 3, worse) == 0.0
+    monkeypatch.setattr(Search, "leaves_noise", False)
+    assert evident([20.0] * 3, same) == 0.0
+
+
+def test_of_few_persons_nothing_is_evident():
+    null = null_of(GAP)
+    assert null.people.are_few
+    with _Gaps(null, {(): [1.0] * 3, (GAP,): [1.0] * 3}):
+        assert null.evident((), (GAP,), EVERY) == 0.0
 
 
 def test_a_constant_is_named_that_all_have_alike_and_not_one_that_differs():

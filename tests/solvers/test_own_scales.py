@@ -19,6 +19,7 @@ from adapt.own_bones.scales import (
     TYPICAL_NOISE_DEG,
     Moments,
     Scales,
+    log_likelihoods,
     minus_two_log_likelihood,
 )
 from adapt.own_bones.scales import learnt as scales_of_runs
@@ -46,14 +47,17 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
         of_group = {"adapted": six, "bones": bones_scale, "frames": frames_scale}
         scaled = slopes * [of_group[one.group] for one in SIZES]
         sigma2 = (TYPICAL_NOISE_DEG * noise) ** 2
-        dense = sum(
-            -2.0 * multivariate_normal(np.zeros(rows), sigma2 * np.eye(rows) + one @ one.T).logpdf(y)
+        dense = [
+            multivariate_normal(np.zeros(rows), sigma2 * np.eye(rows) + one @ one.T).logpdf(y)
             for one, y in zip(scaled, b, strict=True)
-        )
+        ]
+        constant = 0.5 * rows * np.log(2.0 * np.pi)
         prior = (((np.exp(logarithms[:3]) - 1.0) / SCALE_SD) ** 2).sum() + (logarithms[3] / LOG_NOISE_SD) ** 2
         run = np.zeros(persons, int)
         value, slope, curvature, _ = minus_two_log_likelihood(logarithms[:, None], of, run)
-        assert value[0] == pytest.approx(dense - persons * rows * np.log(2.0 * np.pi) + prior, rel=1e-10)
+        assert value[0] == pytest.approx(-2.0 * sum(one + constant for one in dense) + prior, rel=1e-10)
+        scales = Scales(six, bones_scale, frames_scale, TYPICAL_NOISE_DEG * noise)
+        np.testing.assert_allclose(log_likelihoods(of, [scales] * persons) - constant, dense, rtol=1e-10)
         beside = [
             [minus_two_log_likelihood((logarithms + sign * 1e-5 * unit)[:, None], of, run) for sign in (1.0, -1.0)]
             for unit in np.eye(4)
@@ -61,6 +65,13 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
         for k, (up, down) in enumerate(beside):
             assert slope[k, 0] == pytest.approx((up[0][0] - down[0][0]) / 2e-5, rel=1e-6, abs=1e-5)
             np.testing.assert_allclose(curvature[k, :, 0], (up[1] - down[1])[:, 0] / 2e-5, rtol=1e-5, atol=1e-4)
+
+
+def test_no_problem_has_no_likelihood():
+    n = len(SIZES)
+    assert log_likelihoods(Moments(np.zeros((n, n, 0)), np.zeros((n, 0)), np.zeros(0), np.zeros(0, int)), []).shape == (
+        0,
+    )
 
 
 def test_the_curvature_of_the_likelihood_is_expected_in_the_mean():

@@ -45,7 +45,7 @@ _TESTED = {
     POSITIONS: "measured positions",
     "other_motion": "held-out motions",
     "other_person": "held-out persons",
-    "evidence": "the evidence alone: a constant that all have in common",
+    "evidence": "the evidence alone: all persons have it in common",
     "angles": "the angles themselves, which were computed from each other",
 }
 
