@@ -233,25 +233,27 @@ class OwnBonesNull:
         The probability is 0 where more than noise is left, where the gap grows, and for persons too few to learn how
         they differ.
         """
-        search, candidates = self.search, self.search.joint.candidates
+        search = self.search
         if self.people.are_few or not search.leaves_noise:
             return 0.0
         if float(np.mean(self._taken(less, more, named)[1] < 0.0)) >= WORSE:
             return 0.0
         after, before = (self.people_with(one, named).log_likelihood[self.model.name] for one in (more, less))
-        gains = np.array(
-            [after[s] - before[s] if s in after.keys() & before else 0.0 for s in search.joint.shoulders.subjects]
-        )
-        at, where = search.mode(more), candidates.where(more)
-        slices = candidates.slices(more)
+        both = after.keys() & before.keys()
+        gains = np.array([after[s] - before[s] if s in both else 0.0 for s in search.joint.shoulders.subjects])
+        log_prior = (len(more) - len(less)) * search.log_odds + self._log_occam(less, more)
+        return float(np.exp(-np.logaddexp(0.0, -(search.times @ gains + log_prior))).mean())
+
+    def _log_occam(self, less: Hypothesis, more: Hypothesis) -> float:
+        """Compute what the sizes of the further causes cost: log evidence less log likelihood at the mode."""
+        at, candidates = self.search.mode(more), self.search.joint.candidates
+        where, slices = candidates.where(more), candidates.slices(more)
         new = np.concatenate([np.arange(len(where))[own] for effect, own in slices if effect.name not in less])
         scale = candidates.scale[where][new]
         x = (at.amplitude[new] - candidates.mean[where][new]) / scale
-        _, root = search.given(at, more).amplitude_of(np.ones(len(gains)))
-        told = scale[:, None] * (root @ root.T)[np.ix_(new, new)] * scale
-        occam = -0.5 * float(x @ x + np.linalg.slogdet(told).logabsdet)
-        log_odds = search.times @ gains + occam + (len(more) - len(less)) * search.log_odds
-        return float(np.exp(-np.logaddexp(0.0, -log_odds)).mean())
+        _, root = self.search.given(at, more).amplitude_of(np.ones(len(at.theta_mm)))
+        precision = scale[:, None] * (root @ root.T)[np.ix_(new, new)] * scale
+        return -0.5 * float(x @ x + np.linalg.slogdet(precision).logabsdet)
 
     def _taken(
         self, less: Hypothesis, more: Hypothesis, named: Hypothesis
