@@ -27,7 +27,7 @@ BIAS = "scapula_landmark_bias"
 
 
 def test_v_is_the_evidence_of_all_beliefs_by_their_weights():
-    """Check V against the weighted sum of the evidence over the beliefs.
+    """Check V against the weighted sum of the evidence over the beliefs, integrated over their hyperparameters.
 
     The prior expects two of the 4 candidates, and an unlisted cause is as probable as two listed ones.
     """
@@ -36,21 +36,21 @@ def test_v_is_the_evidence_of_all_beliefs_by_their_weights():
     at, where = node.posterior, candidates.where(node.hypothesis)
     here = candidates.among_all(node.hypothesis, at.amplitude)
     weights, values = [], []
-    for left, discrepancy in search.beliefs:
+    for left, discrepancy, log_volume in search.beliefs:
         evidence = Likelihood.of(search.joint, discrepancy).evidence(
             at.theta_mm, at.y, at.Z, np.arange(len(here)), here
         )
         given = evidence.given(where, here[where], candidates.mean[where], candidates.scale[where])
         commons = sum(one.left == "common" for one in search.beliefs)
         weights.append(0.25 / commons if left == "common" else 1.0)
-        values.append(given.log_evidence)
+        values.append(given.log_evidence + log_volume)
     expected = logsumexp(values, b=np.array(weights) / sum(weights)) + len(node.hypothesis) * np.log(0.5)
     assert node.value == pytest.approx(expected, rel=1e-9)
     assert search.log_odds == pytest.approx(np.log(0.5))
 
 
 def test_each_belief_has_none_of_what_the_next_has():
-    for left, discrepancy in searched(BIAS).beliefs:
+    for left, discrepancy, _ in searched(BIAS).beliefs:
         assert all((getattr(discrepancy, name) == 0.0) == (name in NOTHING_OF[left]) for name in NOTHING_OF["noise"])
 
 
