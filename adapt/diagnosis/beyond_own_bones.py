@@ -60,7 +60,7 @@ LEAST_SHARE = 0.1
 """Smallest share of the null's gap beyond noise that the causes have to take away together."""
 
 LEAST_PROBABILITY = 0.5
-"""Smallest probability that the causes take this share."""
+"""Smallest probability that the causes take this share, or are active by the evidence of the persons."""
 
 WORSE = 0.9
 """Probability of a larger gap on held-out motions, from which evidence does not count."""
