@@ -199,11 +199,11 @@ class OwnBonesNull:
         while held := [name for name in chosen if self.is_held(name)]:
             self.predict([chosen, *(without(chosen, name) for name in held)], named)
             gaps = {name: self._mean(without(chosen, name), named) for name in held}
+            with_all = self._mean(chosen, named)
             idle = [
                 name
                 for name, gap in gaps.items()
-                if gap <= self._mean(chosen, named)
-                and self.evident(without(chosen, name), chosen, named) < LEAST_PROBABILITY
+                if gap <= with_all and self.evident(without(chosen, name), chosen, named) < LEAST_PROBABILITY
             ]
             if not idle:
                 break
@@ -242,7 +242,8 @@ class OwnBonesNull:
         both = after.keys() & before.keys()
         gains = np.array([after[s] - before[s] if s in both else 0.0 for s in search.joint.shoulders.subjects])
         log_prior = (len(more) - len(less)) * search.log_odds + self._log_occam(less, more)
-        return float(np.exp(-np.logaddexp(0.0, -(search.times @ gains + log_prior))).mean())
+        log_odds = search.times @ gains + log_prior
+        return float(probabilities([np.zeros_like(log_odds), log_odds])[1])
 
     def _log_occam(self, less: Hypothesis, more: Hypothesis) -> float:
         """Compute what the sizes of the further causes cost: log evidence less log likelihood at the mode."""

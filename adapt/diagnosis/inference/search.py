@@ -183,21 +183,13 @@ class Search:
         self.progress(f"{len(self.nodes)} sets of causes")
         return self.nodes[hypothesis]
 
-    def _given_by_belief(self, posterior: Posterior, hypothesis: Hypothesis) -> list[Given]:
-        """Return the evidence given a set of causes with each belief, in the linear model around the mode of a
-        subset."""
-        candidates = self.joint.candidates
-        where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
-        believed = candidates.mean[where], candidates.scale[where]
-        return [one.given(where, here[where], *believed) for one in posterior.by_belief]
-
     def _log_prior(self, hypothesis: Hypothesis) -> Float[np.ndarray, " beliefs"]:
         """Compute log w_k + |H| log odds."""
         return len(hypothesis) * self.log_odds + log_weights(self.beliefs, self.log_odds)
 
     def _by_belief(self, posterior: Posterior, hypothesis: Hypothesis) -> Float[np.ndarray, " beliefs"]:
         """Compute the terms log w_k evidence_k + |H| log odds of V for all persons."""
-        each = self._given_by_belief(posterior, hypothesis)
+        each = self._each_given(posterior, hypothesis, posterior.by_belief)
         return np.array([one.log_evidence for one in each]) + self._log_prior(hypothesis)
 
     def _value(self, posterior: Posterior, hypothesis: Hypothesis) -> float:
@@ -206,7 +198,7 @@ class Search:
 
     def by_belief(self, near: Node, hypothesis: Hypothesis) -> Float[np.ndarray, "beliefs draws"]:
         """Predict the terms of V for each belief and draw of persons from the mode of another set."""
-        each = self._given_by_belief(near.posterior, hypothesis)
+        each = self._each_given(near.posterior, hypothesis, near.posterior.by_belief)
         return np.array([one.resampled(self.times) for one in each]) + self._log_prior(hypothesis)[:, None]
 
     def of_draws(self, node: Node) -> Float[np.ndarray, "beliefs draws"]:
@@ -221,9 +213,13 @@ class Search:
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
         """Return the evidence given a set of causes, in the linear model around the mode of a subset."""
+        return self._each_given(posterior, hypothesis, [posterior.evidence])[0]
+
+    def _each_given(self, at: Posterior, hypothesis: Hypothesis, evidence: Sequence[Evidence]) -> list[Given]:
+        """Return each of some evidences at a mode given a set of causes."""
         candidates = self.joint.candidates
-        where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
-        return posterior.evidence.given(where, here[where], candidates.mean[where], candidates.scale[where])
+        where, here = candidates.where(hypothesis), candidates.among_all(at.hypothesis, at.amplitude)
+        return [one.given(where, here[where], candidates.mean[where], candidates.scale[where]) for one in evidence]
 
     def widened(self, node: Node) -> list[Hope]:
         """Predict V of every set with one more cause, the best first."""
@@ -379,8 +375,11 @@ class Search:
         """Find the discrepancy of the belief that is most probable with a set."""
         at = node.posterior
         by_belief = tuple(self._linear(self._with(one.discrepancy), at) for one in self.beliefs)
-        found = self._by_belief(replace(at, by_belief=by_belief), node.hypothesis)
-        return self.beliefs[int(np.argmax(found))].discrepancy
+        return self._belief_with(replace(at, by_belief=by_belief), node.hypothesis).discrepancy
+
+    def _belief_with(self, posterior: Posterior, hypothesis: Hypothesis) -> Belief:
+        """Find the belief that is most probable with a set."""
+        return self.beliefs[int(np.argmax(self._by_belief(posterior, hypothesis)))]
 
     def in_place_of(self, node: Node, own: str) -> dict[str, Node]:
         """Fit the most promising sets with another cause in place of ``own``; return the best set by cause, including
@@ -420,9 +419,7 @@ class Search:
         Causes that were ``seen`` have the amplitudes that positions show.
         """
         candidates, at, likelihood = self.joint.candidates, self.mode(hypothesis), self.likelihood_without(motion)
-        where, here = candidates.where(hypothesis), candidates.among_all(at.hypothesis, at.amplitude)
-        evidence = likelihood.evidence(at.theta_mm, at.y, at.Z, np.arange(len(here)), here)
-        sizes = evidence.given(where, here[where], candidates.mean[where], candidates.scale[where]).of_shoulders
+        sizes = self._each_given(at, hypothesis, [self._linear(likelihood, at)])[0].of_shoulders
         if shown := shown_sizes(likelihood.positions, candidates, hypothesis, seen):
             sizes[:, shown.where] = shown.given.of_shoulders
         return [{effect.name: a[own] for effect, own in candidates.slices(hypothesis)} for a in sizes]
@@ -445,8 +442,7 @@ class Search:
     @property
     def leaves_noise(self) -> bool:
         """Check whether beside the best set noise alone is the most probable belief."""
-        by_belief = self._by_belief(self.best.posterior, self.best.hypothesis)
-        return self.beliefs[int(np.argmax(by_belief))].left == "noise"
+        return self._belief_with(self.best.posterior, self.best.hypothesis).left == "noise"
 
     @property
     def unexplained_share(self) -> float:
