@@ -1,6 +1,7 @@
 """The posterior against dense Gaussian algebra, and the learnt discrepancy against draws from a known one."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -208,7 +209,7 @@ def drawn(joint: JointFit, true: Discrepancy, seed: int) -> Posterior:
 
 def log_density(joint: JointFit, y: np.ndarray, found: Discrepancy) -> float:
     """Compute the log density of y from the definition of its covariance."""
-    covariance = dense_covariance(joint, found)
+    covariance: Any = dense_covariance(joint, found)  # SciPy has no types; its default of 1 reads as an int
     return float(multivariate_normal(np.zeros(len(y)), covariance).logpdf(y.T).sum())
 
 
@@ -244,7 +245,8 @@ def test_the_integral_over_the_hyperparameters_is_that_of_draws_from_their_prior
     names = [name for name in ("noise_deg", "of_motion_deg", "of_shoulder_deg", "length_deg") if getattr(found, name)]
     sd, median = (np.array([one[Discrepancy._fields.index(name)] for name in names]) for one in (LOG_SD, TYPICAL))
     mode = np.log([getattr(found, name) for name in names] / median) / sd
-    wide = multivariate_t(mode, 0.25 * np.eye(len(names)), df=3, seed=generator)
+    covariance: Any = 0.25 * np.eye(len(names))
+    wide = multivariate_t(mode, covariance, df=3, seed=generator)
     z = wide.rvs(DRAWS).reshape(DRAWS, -1)
     each = np.array(
         [
@@ -261,7 +263,7 @@ def test_the_integral_of_a_gaussian_is_exact():
     A, m = np.array([[3.0, 0.8], [0.8, 2.0]]), np.array([0.7, -1.1])
     z = np.linalg.solve(np.eye(2) + A, A @ m)
     log_integral = -0.5 * (m @ np.linalg.solve(np.eye(2) + np.linalg.inv(A), m) + np.linalg.slogdet(np.eye(2) + A)[1])
-    found = log_volume(lambda x: 0.5 * (x @ x + (x - m) @ A @ (x - m)), z)
+    found = log_volume(lambda x: 0.5 * float(x @ x + (x - m) @ A @ (x - m)), z)
     assert found - 0.5 * (z - m) @ A @ (z - m) == pytest.approx(log_integral, abs=1e-10)
 
 
