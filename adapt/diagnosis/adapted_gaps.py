@@ -16,7 +16,7 @@ from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION, POSTURES, Fold
 from models.effects import AnyGirdle
 from motions.rotations import DEG
-from motions.table import FEWEST_ANGLES, Motions
+from motions.table import Motions
 
 
 @dataclass(frozen=True)
@@ -33,16 +33,6 @@ class AdaptedGaps:
     """Means of the rows of heldout.csv, by the kind of fold: MOTION (where there are several) or POSTURES."""
     found: AdaptedSubjects
     """Adaptations that the gaps are from."""
-
-    @property
-    def informative_deg2(self) -> float:
-        """Mean squared difference per informative value; six measured angles have three such values."""
-        data = self.found.data
-        measured = (data.measured & data.counted).sum(axis=0)
-        total = np.where(self.adapted.status == status.OK, self.adapted.mean_j_deg2, np.nan) * measured.sum(axis=0)
-        informative = np.maximum(measured - FEWEST_ANGLES, 0).sum(axis=0)
-        known = np.isfinite(total)
-        return float(total[known].sum() / max(informative[known].sum(), 1))
 
 
 @dataclass(frozen=True)

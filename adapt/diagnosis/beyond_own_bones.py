@@ -45,7 +45,8 @@ from adapt.diagnosis.inference.weights import probabilities
 from adapt.diagnosis.population_amplitudes import effects_of_folds, no_size, own_effects
 from adapt.diagnosis.result import POSITIONS
 from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
-from adapt.own_bones.own_adaptation import People, learn_people
+from adapt.own_bones.own_adaptation import People, learn_people, misfit
+from adapt.own_bones.scales import PRIOR
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import MOTION, PERSON, Fold, motions_and_persons, motions_and_thirds
 from models.effects import Effect
@@ -160,6 +161,13 @@ class OwnBonesNull:
             names = self.search.joint.candidates.ordered(list(amplitudes))
             own = own_effects(self.search, names, self.motions, rows, folds, self.library, self.seen)
         return gaps_of(adapt_with_folds(rows, [self.model], folds, people=self.people, effects=own), self.person)
+
+    def misfit(self, noise_deg: float, own_bones: bool) -> tuple[float, int]:
+        """Compute the misfit of all postures, in units of the noise, and its degrees of freedom: with own bones, or
+        with the six adapted parameters alone."""
+        six_alone = {self.model.name: PRIOR._replace(bones=0.0, frames=0.0)}
+        people = self.people if own_bones else replace(self.people, everybody=six_alone)
+        return misfit(self.rows, self.model, people, noise_deg)
 
     def predict(self, hypotheses: Sequence[Hypothesis], named: Hypothesis) -> None:
         """Predict the held-out postures with each set of causes, in one batch and only once.

@@ -21,7 +21,7 @@ from adapt.diagnosis.inference.not_named import why_not_named
 from adapt.diagnosis.inference.search import search_of
 from adapt.diagnosis.inference.selection import (
     REJECTED,
-    angles_contradict_landmarks,
+    contradiction_deg,
     name_causes,
     nothing_named,
     probable,
@@ -189,11 +189,12 @@ class _Study:
         ]
         constants = tuple(filter(null.is_constant, other))
         against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected, search.known)
-        shown = with_causes if tested else adapted
-        verdict = self._verdict(causes, weights, gaps, shown, noise, against, rejected)
+        off_deg = contradiction_deg(search, "common" if rejected else "own")
+        unexplained = bool(rejected or off_deg)
+        answer = EFFECT if causes else UNKNOWN if unexplained else self._without_cause(gaps, null, noise, tested)
+        verdict = self._verdict(answer, causes, weights, gaps, against)
         others = null.held_out(kept, other) if gaps.other_person else None
         before, used = self.plain.before[self.model.name], search.joint.positions is not None
-        off_deg = search.shared_turn_deg if rejected and angles_contradict_landmarks(search) else 0.0
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -236,21 +237,9 @@ class _Study:
         return found
 
     def _verdict(
-        self,
-        causes: list[Cause],
-        weights: Weights,
-        gaps: Gaps,
-        shown: AdaptedGaps,
-        noise: Noise,
-        against: dict[str, str],
-        rejected: bool,
+        self, answer: Answer, causes: list[Cause], weights: Weights, gaps: Gaps, against: dict[str, str]
     ) -> Verdict:
-        """Assemble the verdict.
-
-        ``shown``: adaptations whose gap is tested against noise; own bones of one person in one motion would hide any
-        gap.
-        """
-        answer = UNKNOWN if rejected and not causes else self._answer(causes, gaps, shown, noise)
+        """Assemble the verdict."""
         for name in self.search.known:
             if not any(cause.names[0] == name for cause in causes):
                 causes.append(Cause((name,), (1.0,), 0.0, np.nan, ("angles",)))
@@ -258,12 +247,14 @@ class _Study:
         against = {name: why for name, why in against.items() if name not in self.search.known}
         return Verdict(answer, tuple(causes), weights.inclusion, probability, against)
 
-    def _answer(self, causes: list[Cause], gaps: Gaps, shown: AdaptedGaps, noise: Noise) -> Answer:
-        """Choose the answer. If the noise is only assumed, a gap above the noise floor gives unknown, never none."""
-        if causes:
-            return EFFECT
+    def _without_cause(self, gaps: Gaps, null: OwnBonesNull, noise: Noise, tested: bool) -> Answer:
+        """Choose the answer without a cause.
+
+        If the noise is only assumed, a gap above the noise floor gives unknown, never none. Where nothing can be
+        ``tested``, own bones explain nothing: one person's could take any shape of one motion.
+        """
         within = gaps.hardest["adapted"][ALL].value <= gaps.hardest["noise_floor"][ALL].value
-        beyond = more_than_noise(shown.informative_deg2, self.search.folds, noise)
+        beyond = more_than_noise(*null.misfit(noise.angle_deg, own_bones=tested), noise)
         return NONE if (noise.source != ASSUMED or within) and not beyond else UNKNOWN
 
     def _gaps(

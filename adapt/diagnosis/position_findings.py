@@ -37,7 +37,7 @@ LEAST_MM, MOST_MM = 0.01, 30.0
 noise than the upper limit a landmark could be anywhere."""
 
 _CONTRADICTED = (
-    "angles and landmarks of all persons contradict each other by {:.1f} deg along the motions: check the signs, "
+    "angles and landmarks contradict each other by {:.1f} deg along the motions: check the signs, "
     "factors and columns of the angles, and what carries the landmarks"
 )
 
@@ -139,7 +139,7 @@ def judge_positions(
     """Compare simulated with measured positions, in sample and on motions held out of adaptations and constants.
 
     ``others``: adaptations with the person also held out of the sizes of causes; None with a single person or motion.
-    ``used``: whether positions were data of the search. ``off_deg``: amount by which all angles contradict the
+    ``used``: whether positions were data of the search. ``off_deg``: amount by which angles contradict the
     landmarks; 0 without contradiction.
     """
     rows = posture_rows(task.motions)

@@ -38,6 +38,7 @@ from adapt.own_bones.scales import (
     are_known,
     learnt,
     log_likelihoods,
+    misfits,
     moments,
     relative_variances,
 )
@@ -281,6 +282,20 @@ def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
 
 def _with_noise(noise_deg: Float[np.ndarray, " problems"]) -> list[Scales]:
     return [PRIOR._replace(noise_deg=one) for one in noise_deg.tolist()]
+
+
+def misfit(rows: PostureRows, model: AnyModel, people: People, noise_deg: float) -> tuple[float, int]:
+    """Compute the misfit of all subjects with own bones (``scales.misfits``) and its degrees of freedom.
+
+    Subjects whose chain does not close with this noise are left out; the misfit is infinite if none closes.
+    """
+    scales = [one._replace(noise_deg=noise_deg) for one in people.of([model], rows.subjects)]
+    spread = spread_of([model], rows.subjects, people.sds)
+    of, known = _moments(spread, _optimum(problems_of(rows, [model]), spread, scales))
+    if not known.any():
+        return np.inf, 1
+    each = misfits(take_problems(of, known), [one for one, closed in zip(scales, known, strict=True) if closed])
+    return float(each.sum()), int(of.informative[known].sum())
 
 
 def sample(subjects: Sequence[str]) -> tuple[str, ...]:

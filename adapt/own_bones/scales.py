@@ -162,6 +162,17 @@ def log_likelihoods(of: Moments, found: Sequence[Scales]) -> Float[np.ndarray, "
     return -0.5 * (minus_two_log_likelihood(x, of, np.arange(x.shape[1]))[0] - _of_prior(x)[0])
 
 
+def misfits(of: Moments, found: Sequence[Scales]) -> Float[np.ndarray, " problems"]:
+    """Compute the misfit of each problem, min over z of |T (c z - x + x_0) + y_0|^2 / sigma^2 + |z|^2.
+
+    It is chi-square distributed with m degrees of freedom, if persons and noise vary as the scales say.
+    """
+    s, variance = np.array([one.of_sizes for one in found]), np.array([one.noise_deg for one in found]) ** 2
+    M, v = persons_first(of.A) * s[:, :, None] * s[:, None], persons_first(of.c) * s
+    z = np.linalg.solve(M + variance[:, None, None] * np.eye(s.shape[1]), v[..., None])[..., 0]
+    return (of.square - (v * z).sum(axis=1)) / variance
+
+
 def relative_variances(
     of: Moments, runs: Bool[np.ndarray, "runs problems"], found: Sequence[Scales]
 ) -> Float[np.ndarray, "runs groups"]:

@@ -16,9 +16,9 @@ from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference import selection
 from adapt.diagnosis.inference.alternatives import JOINTS
 from adapt.diagnosis.inference.search import Search, search_of
-from adapt.diagnosis.inference.selection import angles_contradict_landmarks, standing
+from adapt.diagnosis.inference.selection import contradiction_deg, standing
 from adapt.diagnosis.inference.weights import weigh
-from adapt.diagnosis.result import CauseAmplitude
+from adapt.diagnosis.result import NONE, UNKNOWN, CauseAmplitude
 from models import load_model
 from models.effects import EFFECTS
 from motions.table import Motions
@@ -119,8 +119,21 @@ def test_angles_that_are_too_large_contradict_the_landmarks_and_nothing_stands()
     wrong = motions.angles_deg * np.array([1.35, 1.0, 1.0, 1.0, 1.0, 1.0])
     search = with_landmarks(replace(motions, angles_deg=wrong), motions.angles_deg).run()
     assert weigh(search).unexplained > 0.9
-    assert angles_contradict_landmarks(search)
+    assert contradiction_deg(search, "common")
     assert standing(search, search.best.hypothesis, set(CANDIDATES), {}) == ()
+
+
+@pytest.mark.parametrize("off_deg", [0.0, 8.0])
+def test_one_person_whose_angles_contradict_the_landmarks_is_unknown(off_deg):
+    """Check a scapula whose measured tipping is too large in one motion and too small in the other."""
+    of_one = simulated().motions
+    of_one = of_one.select(of_one.subject == of_one.subject[0])
+    wrong = of_one.angles_deg.copy()
+    wrong[:, 5] += np.where(of_one.motion == of_one.motion[0], off_deg, -off_deg)
+    shown = with_landmarks(replace(of_one, angles_deg=wrong), of_one.angles_deg).joint.shoulders.motions
+    found = diagnose(shown, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
+    assert found.verdict.answer == (UNKNOWN if off_deg else NONE)
+    assert ("contradict" in found.positions.note) == bool(off_deg)
 
 
 @pytest.mark.parametrize("carried", [True, False], ids=["carried", "on the bone"])
@@ -136,5 +149,5 @@ def test_whether_a_marker_carries_the_landmarks_of_the_scapula_is_told_by_what_t
     assert rows is not None
     assert bool(np.all(rows.by_amplitude[..., candidates.where([BIAS])] == 0.0)) == carried
     assert BIAS in search.best.hypothesis
-    assert not angles_contradict_landmarks(search)
+    assert not contradiction_deg(search, "common")
     assert weigh(search).unexplained < 0.5

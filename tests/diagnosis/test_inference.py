@@ -20,9 +20,10 @@ from adapt.diagnosis.inference.intervals import fold_weights, interval, resample
 from adapt.diagnosis.inference.next_measurement import propose
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import name_causes
-from adapt.diagnosis.inference.unexplained import unexplained_share
+from adapt.diagnosis.inference.unexplained import BY_CHANCE, more_than_noise, unexplained_share
 from adapt.diagnosis.inference.weights import Weights, probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.population_amplitudes import held_out_amplitudes
+from adapt.diagnosis.result import Noise
 from adapt.evaluation.held_out import adapt_with_folds
 from adapt.solvers.objective import WEIGHT, down_weighted
 from adapt.solvers.rows import posture_rows
@@ -46,6 +47,17 @@ SAME_NATS = 0.05
 SHARE = 0.1
 """Tolerance for a share of the mean bias, 10 degrees: three errors of a constant angle from 14 postures with 0.3
 degrees of noise, and the shrinkage to the mean."""
+
+
+@pytest.mark.parametrize("of_noise", [9.0, np.inf], ids=["estimated", "given"])
+def test_noise_is_more_than_noise_as_rarely_as_is_said(of_noise):
+    """Check draws of a misfit and of the estimate of the noise."""
+    draws, freedom, generator = 4000, 42, np.random.default_rng(4)
+    chi2 = generator.chisquare(freedom, draws)
+    variance = generator.chisquare(of_noise, draws) / of_noise if np.isfinite(of_noise) else np.ones(draws)
+    noises = [Noise(float(np.sqrt(one)), "estimated", of_noise) for one in variance]
+    found = np.mean([more_than_noise(x / one.angle_deg**2, freedom, one) for x, one in zip(chi2, noises, strict=True)])
+    assert found == pytest.approx(BY_CHANCE, abs=3.0 * np.sqrt(BY_CHANCE / draws))
 
 
 def test_left_and_right_of_a_person_are_held_out_together():

@@ -12,7 +12,7 @@ from own_people import NOISE_DEG, R2, adapted, of_subject, simulated
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
-from adapt.own_bones.own_adaptation import learn_people
+from adapt.own_bones.own_adaptation import learn_people, misfit
 from adapt.own_bones.scales import (
     LOG_NOISE_SD,
     SCALE_SD,
@@ -21,6 +21,7 @@ from adapt.own_bones.scales import (
     Scales,
     log_likelihoods,
     minus_two_log_likelihood,
+    misfits,
 )
 from adapt.own_bones.scales import learnt as scales_of_runs
 from adapt.solvers.rows import posture_rows
@@ -58,6 +59,9 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
         assert value[0] == pytest.approx(-2.0 * sum(one + constant for one in dense) + prior, rel=1e-10)
         scales = Scales(six, bones_scale, frames_scale, TYPICAL_NOISE_DEG * noise)
         np.testing.assert_allclose(log_likelihoods(of, [scales] * persons) - constant, dense, rtol=1e-10)
+        covariances = [sigma2 * np.eye(rows) + one @ one.T for one in scaled]
+        expected = [y @ np.linalg.solve(one, y) for one, y in zip(covariances, b, strict=True)]
+        np.testing.assert_allclose(misfits(of, [scales] * persons), expected, rtol=1e-9)
         beside = [
             [minus_two_log_likelihood((logarithms + sign * 1e-5 * unit)[:, None], of, run) for sign in (1.0, -1.0)]
             for unit in np.eye(4)
@@ -65,6 +69,15 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
         for k, (up, down) in enumerate(beside):
             assert slope[k, 0] == pytest.approx((up[0][0] - down[0][0]) / 2e-5, rel=1e-6, abs=1e-5)
             np.testing.assert_allclose(curvature[k, :, 0], (up[1] - down[1])[:, 0] / 2e-5, rtol=1e-5, atol=1e-4)
+
+
+def test_the_misfit_of_people_as_expected_is_chi_square(world):
+    """Check the sum of some 60 persons against its degrees of freedom, with the true noise and with half of it."""
+    rows, freedom = posture_rows(world.motions), 3 * len(world.motions.posture)
+    people = learn_people(rows, [R2], held_out=False)
+    found = misfit(rows, R2, people, NOISE_DEG)
+    assert found == (pytest.approx(freedom, abs=3.0 * np.sqrt(2.0 * freedom)), freedom)
+    assert misfit(rows, R2, people, 0.5 * NOISE_DEG)[0] > 2.0 * freedom
 
 
 def test_no_problem_has_no_likelihood():

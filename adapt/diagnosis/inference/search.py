@@ -447,18 +447,18 @@ class Search:
     @property
     def unexplained_share(self) -> float:
         """Smooth variance along the motions with the best set, as a share of the variance where nothing is named."""
-        best, *nothing = self._common
+        best, *nothing = self.left_by("common")
         return best.smooth_deg2 / nothing[0].smooth_deg2 if nothing else 1.0
 
-    @property
-    def shared_turn_deg(self) -> float:
-        """SD of the contradiction between angles and landmarks that is common to all shoulders, beside the best set."""
-        return self._common[0].common_turn_deg
+    def left_by(self, left: str) -> list[Discrepancy]:
+        """List the discrepancies of a kind of belief: beside the best set and, if they differ, where nothing is
+        named."""
+        return [one.discrepancy for one in self.beliefs if one.left == left]
 
-    @property
-    def _common(self) -> list[Discrepancy]:
-        """Discrepancies of the common belief: beside the best set and, if they differ, where nothing is named."""
-        return [one.discrepancy for one in self.beliefs if one.left == "common"]
+    def log_evidence(self, discrepancy: Discrepancy) -> float:
+        """Compute the log evidence of the best set with a discrepancy."""
+        at, hypothesis = self.best.posterior, self.best.hypothesis
+        return self._each_given(at, hypothesis, [self._linear(self._with(discrepancy), at)])[0].log_evidence
 
     @property
     def usable(self) -> list[Node]:

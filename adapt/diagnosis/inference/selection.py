@@ -2,7 +2,9 @@
 
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+import numpy as np
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.positions.position_evidence import given_by_positions
@@ -27,8 +29,8 @@ _MOST_UNEXPLAINED = 0.5
 """Largest share of the smooth variance that rejected causes may leave if some of them are still to stand."""
 
 _WRONG_ANGLES_DEG = 1.0
-"""SD of the contradiction between angles and landmarks common to all, from which the angles count as wrong. One degree
-moves the end of a clavicle of 150 mm by 2.6 mm, as far as joints move."""
+"""SD of the contradiction between angles and landmarks from which the angles count as wrong. One degree moves the end
+of a clavicle of 150 mm by 2.6 mm, as far as joints move."""
 
 
 class Named(NamedTuple):
@@ -86,7 +88,7 @@ def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion
     something unexplained. Where angles contradict the landmarks, only known causes stand.
     """
     known = set(map(cause_of, search.known))
-    if angles_contradict_landmarks(search):
+    if contradiction_deg(search, "common"):
         return tuple(name for name in named if cause_of(name) in known)
     little = search.unexplained_share <= _MOST_UNEXPLAINED
     sure = {*seen, *known}
@@ -98,9 +100,16 @@ def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion
     return tuple(name for name in named if cause_of(name) in sure)
 
 
-def angles_contradict_landmarks(search: Search) -> bool:
-    """Check whether angles and landmarks of all persons contradict each other along motions as no cause explains."""
-    return search.shared_turn_deg >= _WRONG_ANGLES_DEG
+def contradiction_deg(search: Search, left: Literal["own", "common"]) -> float:
+    """Return the SD by which angles and landmarks contradict each other along motions as no cause explains, in each
+    shoulder or in all alike; 0 if it is small, or probably none.
+    """
+    found, name = search.left_by(left)[0], f"{left}_turn_deg"
+    turn_deg: float = getattr(found, name)
+    if turn_deg < _WRONG_ANGLES_DEG:
+        return 0.0
+    log_odds = search.log_evidence(found) - search.log_evidence(found._replace(**{name: 0.0}))
+    return turn_deg if log_odds >= np.log(REJECTED / (1.0 - REJECTED)) else 0.0
 
 
 def nothing_named(search: Search) -> Named:

@@ -1,13 +1,15 @@
-"""Unexplained share of the gap, and a test whether a gap is more than noise."""
+"""Unexplained share of the gap, and a test whether a misfit is more than noise."""
 
 import numpy as np
+from scipy.stats import f
 
-from adapt.diagnosis.fit.search_folds import Folds
 from adapt.diagnosis.result import Noise
-from models.girdle import CONSTRAINTS
 
-_SURELY = 3.0
-"""Number of SDs of the logarithm of a variance ratio above which the gap is more than noise."""
+BY_CHANCE = 0.05
+"""Probability of a larger misfit by chance below which a misfit is more than noise."""
+
+_ENDLESS = 1e9
+"""Degrees of freedom of a known noise: SciPy has no F distribution of infinitely many."""
 
 
 def unexplained_share(adapted_deg: float, with_causes_deg: float, noise_deg: float) -> float:
@@ -16,9 +18,6 @@ def unexplained_share(adapted_deg: float, with_causes_deg: float, noise_deg: flo
     return float(np.clip((with_causes_deg - noise_deg) / beyond, 0.0, 1.0)) if beyond > 0 else np.nan
 
 
-def more_than_noise(square_deg2: float, folds: Folds, noise: Noise) -> bool:
-    """Test whether the mean square per informative value is larger than noise, with one degree of freedom per
-    constraint, motion and subject."""
-    ratio = square_deg2 / noise.angle_deg**2
-    spread = np.sqrt(2.0 / (len(CONSTRAINTS) * len(folds.subject)) + 2.0 / noise.freedom)
-    return float(np.log(ratio)) > _SURELY * spread
+def more_than_noise(chi2: float, freedom: int, noise: Noise) -> bool:
+    """Test whether a misfit in units of the noise is more than noise, whose variance is an estimate itself (F test)."""
+    return bool(f.sf(chi2 / freedom, freedom, min(noise.freedom, _ENDLESS)) < BY_CHANCE)

@@ -90,12 +90,14 @@ _COMMON = {
     "two_motions": Condition(SINGLE),
     "landmarks": Condition(SINGLE, landmarks=True),
     "landmarks_three": Condition(SINGLE, subjects=3, landmarks=True),
+    "landmarks_one": Condition(SINGLE, subjects=1, landmarks=True),
 }
 ALONE = "alone_"
 CONDITIONS = {
     **_COMMON,
     **{ALONE + name: replace(how, labels=LISTED, library="alone") for name, how in _COMMON.items()},
     "loo": Condition(LISTED, library="without", third_motion=True),
+    "landmarks_pairs": Condition(PAIRS, landmarks=True),
     "mixed": Condition((*LISTED, *OUTSIDE), mixed_sign=True),
     "power_0.25": Condition(LISTED, size=0.25),
     "power_1.5": Condition(LISTED, size=1.5),
