@@ -17,7 +17,7 @@ from adapt.diagnosis.inference.amplitude import amplitude_without_size, amplitud
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.next_measurement import indistinguishable, lacking, propose
-from adapt.diagnosis.inference.not_named import why_not_named
+from adapt.diagnosis.inference.not_named import CONTRADICTED, UNEXPLAINED, why_not_named
 from adapt.diagnosis.inference.search import search_of
 from adapt.diagnosis.inference.selection import (
     REJECTED,
@@ -165,8 +165,9 @@ class _Study:
         own_bones = null.adapted()
         kept = probable(null.beyond(other, mean_floor), weights.inclusion, candidates.causes)
         rejected = weights.unexplained >= REJECTED
-        if rejected:
-            kept = null.tested(standing(search, kept, named.seen, weights.inclusion), other, mean_floor)
+        off_deg = contradiction_deg(search, "common" if rejected else "own")
+        if rejected or off_deg:
+            kept = null.tested(standing(search, kept, named.seen, weights.inclusion, rejected), other, mean_floor)
         weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
         of_causes = null.budget(kept, other)
         gains = null.gains(of_causes, other, mean_floor)
@@ -188,10 +189,9 @@ class _Study:
             for name in order
         ]
         constants = tuple(filter(null.is_constant, other))
-        against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, rejected, search.known)
-        off_deg = contradiction_deg(search, "common" if rejected else "own")
-        unexplained = bool(rejected or off_deg)
-        answer = EFFECT if causes else UNKNOWN if unexplained else self._without_cause(gaps, null, noise, tested)
+        doubt = UNEXPLAINED if rejected else CONTRADICTED if off_deg else ""
+        against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, doubt, search.known)
+        answer = EFFECT if causes else UNKNOWN if doubt else self._without_cause(gaps, null, noise, tested)
         verdict = self._verdict(answer, causes, weights, gaps, against)
         others = null.held_out(kept, other) if gaps.other_person else None
         before, used = self.plain.before[self.model.name], search.joint.positions is not None

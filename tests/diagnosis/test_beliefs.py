@@ -85,7 +85,7 @@ def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch
     def after(best_deg: float, seen: frozenset[str] = frozenset(), probable: float = 0.9) -> tuple[str, ...]:
         best = Belief("common", common._replace(common_deg=best_deg))
         search = replace(searched(BIAS), beliefs=(best, nothing), known=(spin,))
-        return standing(search, named, seen, dict.fromkeys(named, probable))
+        return standing(search, named, seen, dict.fromkeys(named, probable), rejected=True)
 
     assert after(0.5) == (spin, BIAS)
     assert after(0.5, probable=0.8) == (spin,)
@@ -120,7 +120,15 @@ def test_angles_that_are_too_large_contradict_the_landmarks_and_nothing_stands()
     search = with_landmarks(replace(motions, angles_deg=wrong), motions.angles_deg).run()
     assert weigh(search).unexplained > 0.9
     assert contradiction_deg(search, "common")
-    assert standing(search, search.best.hypothesis, set(CANDIDATES), {}) == ()
+    assert standing(search, search.best.hypothesis, set(CANDIDATES), {}, rejected=True) == ()
+
+
+def test_where_angles_of_each_shoulder_contradict_the_landmarks_only_what_was_measured_stands():
+    search = replace(searched(BIAS), known=("clavicle_frame_bias",))
+    named = "clavicle_frame_bias", BIAS, "scapulothoracic_gap"
+    sure = dict.fromkeys(named, 1.0)
+    assert standing(search, named, set(), sure, rejected=False) == named[:1]
+    assert standing(search, named, {BIAS}, sure, rejected=False) == named[:2]
 
 
 @pytest.mark.parametrize("off_deg", [0.0, 8.0])

@@ -18,15 +18,15 @@ def test_the_reason_is_the_step_at_which_a_cause_was_left_out():
     named = (SPIN, f"{GAP}:posture")
     causes = {f"{GAP}:posture": GAP, TILT: TILT, SPIN: SPIN}
     inclusion = {GAP: 0.9, TILT: 0.85, SPIN: 0.95, "sc_offset": 0.1}
-    assert why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=False) == {
+    assert why_not_named(inclusion, causes, named, (), (SPIN,), doubt="") == {
         GAP: OWN_BONES_DO,
         TILT: NOT_NEEDED,
         SPIN: PERSONS_DIFFER,
     }
-    assert GAP not in why_not_named(inclusion, causes, named, (f"{GAP}:posture",), (SPIN,), unexplained=False)
-    rejected = why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=True)
+    assert GAP not in why_not_named(inclusion, causes, named, (f"{GAP}:posture",), (SPIN,), doubt="")
+    rejected = why_not_named(inclusion, causes, named, (), (SPIN,), doubt=UNEXPLAINED)
     assert set(rejected.values()) == {UNEXPLAINED}
-    computed = why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=True, known=(ESTIMATE,))
+    computed = why_not_named(inclusion, causes, named, (), (SPIN,), doubt=UNEXPLAINED, known=(ESTIMATE,))
     assert computed == rejected | {SPIN: OF_ESTIMATE}
 
 
