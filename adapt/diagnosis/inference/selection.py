@@ -2,11 +2,12 @@
 
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
+from adapt.diagnosis.fit.discrepancy import Discrepancy
 from adapt.diagnosis.fit.positions.position_evidence import given_by_positions
 from adapt.diagnosis.inference.alternatives import FRAMES, JOINTS, MOVES, CredibleSet, credible_set
 from adapt.diagnosis.inference.amplitude import amplitudes
@@ -78,23 +79,22 @@ def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[
     return tuple(name for name in named if inclusion[causes[name]] >= LEAST_INCLUSION)
 
 
-def standing(
-    search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float], rejected: bool
-) -> Hypothesis:
-    """Keep the causes that stand when the set is ``rejected``, because all persons have something unexplained in
-    common, or when angles contradict the landmarks of each shoulder.
+def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float]) -> Hypothesis:
+    """Keep the causes that stand when the set is rejected, because all persons have something unexplained in common, or
+    angles contradict the landmarks.
 
-    Causes that are known or were ``seen`` stand. If a rejected set leaves at most half of the smooth variance, causes
+    Causes that are known or were ``seen`` stand. If the best set leaves at most half of the smooth variance, causes
     with a high inclusion probability stand too, with two exceptions. Movements do not, because angles show which
     constraint gives way and not what moves; but where both joints were seen to move, the other movements stand, because
     each is of one constraint alone. Causes that are too large do not, except frames, because they take the place of
-    something unexplained. Where the angles of all contradict the landmarks, only known causes stand.
+    something unexplained. Where angles contradict the landmarks, only known causes stand.
     """
     known = set(map(cause_of, search.known))
-    if rejected and contradiction_deg(search, "common"):
+    if contradiction_deg(search):
         return tuple(name for name in named if cause_of(name) in known)
+    little = search.unexplained_share <= _MOST_UNEXPLAINED
     sure = {*seen, *known}
-    if rejected and search.unexplained_share <= _MOST_UNEXPLAINED:
+    if little:
         sizes = amplitudes(search, named, seen)
         physical = {cause_of(name) for name, one in sizes.items() if not one.too_large or name in FRAMES}
         untold = JOINTS if set(JOINTS) <= sure else MOVES
@@ -102,16 +102,20 @@ def standing(
     return tuple(name for name in named if cause_of(name) in sure)
 
 
-def contradiction_deg(search: Search, left: Literal["own", "common"]) -> float:
+def contradiction_deg(search: Search) -> float:
     """Return the SD by which angles and landmarks contradict each other along motions as no cause explains, in each
     shoulder or in all alike; 0 if it is small, or probably none.
     """
-    found, name = search.left_by(left)[0], f"{left}_turn_deg"
-    turn_deg: float = getattr(found, name)
-    if turn_deg < _WRONG_ANGLES_DEG:
-        return 0.0
-    log_odds = search.log_evidence(found) - search.log_evidence(found._replace(**{name: 0.0}))
-    return turn_deg if log_odds >= np.log(REJECTED / (1.0 - REJECTED)) else 0.0
+    beside = [(one, f"{left}_turn_deg") for left in ("own", "common") for one in search.left_by(left)[:1]]
+    return max((getattr(one, name) for one, name in beside if _contradict(search, one, name)), default=0.0)
+
+
+def _contradict(search: Search, discrepancy: Discrepancy, name: str) -> bool:
+    """Check whether a contradiction is large and probable beside the best set."""
+    if getattr(discrepancy, name) < _WRONG_ANGLES_DEG:
+        return False
+    log_odds = search.log_evidence(discrepancy) - search.log_evidence(discrepancy._replace(**{name: 0.0}))
+    return log_odds >= np.log(REJECTED / (1.0 - REJECTED))
 
 
 def nothing_named(search: Search) -> Named:
