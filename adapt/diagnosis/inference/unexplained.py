@@ -1,7 +1,6 @@
 """Unexplained share of the gap, and a test whether a misfit is more than noise."""
 
 import numpy as np
-from scipy.stats import f
 
 from adapt.diagnosis.result import Noise
 
@@ -20,4 +19,6 @@ def unexplained_share(adapted_deg: float, with_causes_deg: float, noise_deg: flo
 
 def more_than_noise(chi2: float, freedom: int, noise: Noise) -> bool:
     """Test whether a misfit in units of the noise is more than noise, whose variance is an estimate itself (F test)."""
-    return bool(f.sf(chi2 / freedom, freedom, min(noise.freedom, _ENDLESS)) < BY_CHANCE)
+    from scipy.special import fdtrc  # slow import that not every command needs
+
+    return bool(fdtrc(freedom, min(noise.freedom, _ENDLESS), chi2 / freedom) < BY_CHANCE)
