@@ -167,10 +167,10 @@ def misfits(of: Moments, found: Sequence[Scales]) -> Float[np.ndarray, " problem
 
     It is chi-square distributed with m degrees of freedom, if persons and noise vary as the scales say.
     """
-    s, variance = np.array([one.of_sizes for one in found]), np.array([one.noise_deg for one in found]) ** 2
-    M, v = persons_first(of.A) * s[:, :, None] * s[:, None], persons_first(of.c) * s
-    z = np.linalg.solve(M + variance[:, None, None] * np.eye(s.shape[1]), v[..., None])[..., 0]
-    return (of.square - (v * z).sum(axis=1)) / variance
+    variance = np.array([one.noise_deg for one in found]) ** 2
+    M, v = _in_sds(of, np.stack([one.of_sizes for one in found], axis=-1), variance)
+    z = np.linalg.solve(M + np.eye(len(SIZES)), v[..., None])[..., 0]
+    return of.square / variance - (v * z).sum(axis=1)
 
 
 def relative_variances(
@@ -213,7 +213,7 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
     4 (H^-1 K)_ii.
     """
     s, variance = np.exp(logarithms)[GROUP_OF_SIZE][:, run], (PRIOR.noise_deg * np.exp(logarithms[-1, run])) ** 2
-    M, v = persons_first(of.A * s[:, None] * s / variance), persons_first(of.c * s / variance)
+    M, v = _in_sds(of, s, variance)
     n, m, square = len(s), of.informative, of.square / variance
     inverse = np.linalg.inv(M + np.eye(n))
     K = np.eye(n) - inverse
@@ -230,6 +230,11 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
     starts = np.searchsorted(run, np.arange(logarithms.shape[1]))
     sums = (np.add.reduceat(one, starts, axis=0).T for one in (values, slopes, curvatures, expected))
     return tuple(one + more for one, more in zip(sums, _of_prior(logarithms), strict=True))
+
+
+def _in_sds(of: Moments, s: Float[np.ndarray, "sizes problems"], variance: Float[np.ndarray, " problems"]):
+    """Return M and v, in SDs of the sizes (``s`` times those of ``SIZES``) and of the noise."""
+    return persons_first(of.A * s[:, None] * s / variance), persons_first(of.c * s / variance)
 
 
 def _of_prior(logarithms: Float[np.ndarray, "scales runs"]):
