@@ -164,10 +164,11 @@ class _Study:
         null = OwnBonesNull(search, self.model, self.motions, self.library, self.person, seen=named.seen)
         own_bones = null.adapted()
         kept = probable(null.beyond(other, mean_floor), weights.inclusion, candidates.causes)
-        rejected = weights.unexplained >= REJECTED
         off_deg = contradiction_deg(search)
-        if rejected or off_deg:
-            kept = null.tested(standing(search, kept, named.seen, weights.inclusion), other, mean_floor)
+        doubt = CONTRADICTED if off_deg else UNEXPLAINED if weights.unexplained >= REJECTED else ""
+        if doubt:
+            stand = standing(search, kept, named.seen, weights.inclusion, contradicted=off_deg > 0.0)
+            kept = null.tested(stand, other, mean_floor)
         weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
         of_causes = null.budget(kept, other)
         gains = null.gains(of_causes, other, mean_floor)
@@ -189,7 +190,6 @@ class _Study:
             for name in order
         ]
         constants = tuple(filter(null.is_constant, other))
-        doubt = CONTRADICTED if off_deg else UNEXPLAINED if rejected else ""
         against = why_not_named(weights.inclusion, candidates.causes, other, kept, constants, doubt, search.known)
         answer = EFFECT if causes else UNKNOWN if doubt else self._without_cause(gaps, null, noise, tested)
         verdict = self._verdict(answer, causes, weights, gaps, against)

@@ -85,7 +85,7 @@ def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch
     def after(best_deg: float, seen: frozenset[str] = frozenset(), probable: float = 0.9) -> tuple[str, ...]:
         best = Belief("common", common._replace(common_deg=best_deg))
         search = replace(searched(BIAS), beliefs=(best, nothing), known=(spin,))
-        return standing(search, named, seen, dict.fromkeys(named, probable))
+        return standing(search, named, seen, dict.fromkeys(named, probable), contradicted=False)
 
     assert after(0.5) == (spin, BIAS)
     assert after(0.5, probable=0.8) == (spin,)
@@ -120,7 +120,7 @@ def test_angles_that_are_too_large_contradict_the_landmarks_and_nothing_stands()
     search = with_landmarks(replace(motions, angles_deg=wrong), motions.angles_deg).run()
     assert weigh(search).unexplained > 0.9
     assert contradiction_deg(search)
-    assert standing(search, search.best.hypothesis, set(CANDIDATES), {}) == ()
+    assert standing(search, search.best.hypothesis, set(CANDIDATES), {}, contradiction_deg(search) > 0.0) == ()
 
 
 @pytest.mark.parametrize("off_deg", [0.0, 8.0])

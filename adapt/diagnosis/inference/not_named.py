@@ -26,8 +26,8 @@ def why_not_named(
     """Return the reason against each cause that is probably active but not named.
 
     ``causes``: cause of each effect; ``named`` and ``kept``: causes before and after the test against own bones;
-    ``constants``: the named causes that are the same in every posture; ``doubt``: why no cause is
-    trusted, or empty; ``known``: causes known to be active.
+    ``constants``: the named causes that are the same in every posture; ``doubt``: why no cause is trusted, or empty;
+    ``known``: causes known to be active.
     """
     before, after, same = ({causes[name] for name in names} for names in (named, kept, constants))
     found = {}

@@ -79,18 +79,20 @@ def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[
     return tuple(name for name in named if inclusion[causes[name]] >= LEAST_INCLUSION)
 
 
-def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float]) -> Hypothesis:
+def standing(
+    search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float], contradicted: bool
+) -> Hypothesis:
     """Keep the causes that stand when the set is rejected, because all persons have something unexplained in common, or
-    angles contradict the landmarks.
+    angles are ``contradicted`` by the landmarks.
 
     Causes that are known or were ``seen`` stand. If the best set leaves at most half of the smooth variance, causes
     with a high inclusion probability stand too, with two exceptions. Movements do not, because angles show which
     constraint gives way and not what moves; but where both joints were seen to move, the other movements stand, because
     each is of one constraint alone. Causes that are too large do not, except frames, because they take the place of
-    something unexplained. Where angles contradict the landmarks, only known causes stand.
+    something unexplained. Where angles are contradicted, only known causes stand.
     """
     known = set(map(cause_of, search.known))
-    if contradiction_deg(search):
+    if contradicted:
         return tuple(name for name in named if cause_of(name) in known)
     little = search.unexplained_share <= _MOST_UNEXPLAINED
     sure = {*seen, *known}
