@@ -26,6 +26,7 @@ from adapt.diagnosis.texts.wording import (
     probability_text,
     sentence,
     step_text,
+    violations_text,
     with_unit,
 )
 from adapt.report.figure_data import figure_data
@@ -179,6 +180,7 @@ def _environment() -> Environment:
         "step": step_text,
         "held_out_kind": held_out_kind_text,
         "tested": tested_text,
+        "violations": violations_text,
     }
     environment.globals |= {
         "angle_names": ANGLE_NAMES,

@@ -390,6 +390,8 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
     assert f"scapula lifts off the thorax scapulothoracic_gap 0.88 {seen} 30 % {gap}" in words
     assert "(!): larger than such an effect is: something that acts like it." in words
     assert "Unexplained beyond noise: 24 %" in words
+    off = "at the measured angles TS to the ellipsoid and length of the conoid are 1.2 and 1.1 mm off"
+    assert f"With own bones and the named causes: {off}. Noise alone: 0.8 and 0.9 mm." in words
     assert bars["+ ac_translation"] == "1.40 [1.30, 1.50]"
     assert html.count('<div class="answer named">') == 5, "two steps of the gap budget, three names"
 

@@ -22,6 +22,7 @@ from adapt.diagnosis.texts.wording import (
     probability_text,
     sentence,
     step_text,
+    violations_text,
     with_unit,
 )
 from models.girdle import CONSTRAINT_NAMES
@@ -52,7 +53,8 @@ def print_diagnosis(console: Console, diagnoses: Diagnoses, tables: bool, next_c
     for number_of, cause in enumerate(closest.verdict.causes, 1):
         print_folded(console, cause_sentence(closest, cause), f"{number_of}. ", "   ")
     if closest.verdict.causes and math.isfinite(closest.left_over_share):
-        print_folded(console, f"Unexplained beyond noise: {percent_text(closest.left_over_share)} of the adapted gap.")
+        left = f"Unexplained beyond noise: {percent_text(closest.left_over_share)} of the adapted gap."
+        print_folded(console, f"{left} {violations_text(closest)}".rstrip())
     if len({one.verdict.names for one in diagnoses.by_model.values()}) > 1:
         print_folded(console, "The parameter sets name different causes: one that all name is surer.")
     for word, one in zip(("Measure next: ", "Second choice: "), measure_next(closest), strict=False):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from adapt.diagnosis.keys import ADAPTED_STEP, ALL, BASE, EFFECT, NOISE, NONE, OWN_BONES
 from adapt.tables.positions_table import ADAPTED, WITH_CAUSES
 from models.effects.effect import cause_of
+from models.girdle import CONSTRAINT_NAMES
 
 if TYPE_CHECKING:  # the result imports this module, to show itself
     from adapt.diagnosis.result import Cause, CauseAmplitude, Diagnosis, GapKind, Gaps, Interval, Verdict
@@ -147,6 +148,18 @@ def held_out_text(gaps: Gaps) -> str:
     """Describe the data held out for the hardest gaps (``Gaps.hardest``)."""
     part = "each motion in turn" if gaps.other_motion else "every third posture in turn"
     return f"{part}, with causes found in other persons" if gaps.other_person else part
+
+
+def violations_text(diagnosis: Diagnosis) -> str:
+    """Write how far each constraint is from holding at the measured angles, with own bones and the named causes; empty
+    where no posture has all angles."""
+    each = diagnosis.where.constraint_spread
+    if not each:
+        return ""
+    names = [CONSTRAINT_NAMES[one.constraint].partition(": ")[2] for one in each]
+    left = listed([f"{one.with_causes_mm:.1f}" for one in each], "and")
+    noise = listed([f"{one.noise_mm:.1f}" for one in each], "and")
+    return f"At the measured angles {listed(names, 'and')} are {left} mm off. Noise alone: {noise} mm."
 
 
 def _ever_shorter(verdict: Verdict, too_large: Collection[str] = ()) -> Iterator[str]:
