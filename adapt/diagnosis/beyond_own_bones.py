@@ -22,7 +22,8 @@ posterior precision of the sizes.
 Own bones can represent a constant cause: a constant of each person predicts as well as a constant common to all. Such a
 cause is named if the common constant a exceeds the variation between persons. The persons' constants are N(a, s^2),
 with s the scale learnt beside the causes times the SD between persons; for a bone, this SD is the SD of the cause. The
-set is one person too, so a is N(0, s^2) without the cause and N(0, s^2 + SD^2) with the cause.
+set is one person too, so a is N(0, s^2) without the cause and N(0, s^2 + SD^2) with the cause. Over resampled persons
+the 95 % interval of its size must exclude 0: three persons may agree by chance.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,6 +39,7 @@ from jaxtyping import Float
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.inference.alternatives import FRAMES
+from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.computed_axial_rotation import is_its_zero
 from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
@@ -319,8 +321,11 @@ class OwnBonesNull:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
 
     def _is_common(self, name: str, named: Hypothesis) -> bool:
-        """Check whether a constant is common to all persons and no consequence of a computed axial rotation."""
-        return not is_its_zero(cause_of(name), self.search.known) and self.common(name, named) >= SURE
+        """Check whether a constant is common to all persons, of a size whose interval excludes 0, and no consequence of
+        a computed axial rotation."""
+        if is_its_zero(cause_of(name), self.search.known) or self.common(name, named) < SURE:
+            return False
+        return amplitudes(self.search, named, self.seen)[name].size.low > 0.0
 
     def common(self, name: str, hypothesis: Hypothesis) -> float:
         """Compute the probability, over resampled persons, that a constant cause of a set is common to all persons."""

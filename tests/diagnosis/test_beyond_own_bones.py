@@ -10,6 +10,7 @@ from small_worlds import CANDIDATES, searched, simulated
 from adapt import adapt_subjects
 from adapt.diagnosis.beyond_own_bones import LEAST_PROBABILITY, LEAST_SHARE, SURE, OwnBonesNull
 from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.evaluation.held_out import HeldOut
 from adapt.own_bones.own_adaptation import People
@@ -60,7 +61,7 @@ def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept, 
 
     AC makes predictions worse and is removed first; a constant of a frame is never tested against own bones.
     """
-    monkeypatch.setattr(OwnBonesNull, "common", lambda *_: 1.0)
+    monkeypatch.setattr(OwnBonesNull, "_is_common", lambda *_: True)
     gaps = {
         (): [1.0] * 3,
         ALONE: [1.0] * 3,
@@ -148,6 +149,16 @@ def test_a_constant_is_named_that_all_have_alike_and_not_one_that_differs():
         person = {name: number for number, name in enumerate(shoulders.subjects)}
         null = OwnBonesNull(search, load_model("R2"), shoulders.motions, dict(EFFECTS), person)
         assert (null.common(BIAS, (BIAS,)) > SURE) == alike
+
+
+@pytest.mark.parametrize(("world", "named"), [(BIAS, ALONE), (GAP, ())])
+def test_a_constant_whose_size_may_be_0_is_not_named(world, named, monkeypatch):
+    """Check the frame where it is turned in all persons, and where it only stands beside what is active."""
+    monkeypatch.setattr(OwnBonesNull, "common", lambda *_: 1.0)
+    null = null_of(world)
+    sizes = amplitudes(null.search, ALONE if named else (BIAS, GAP), ())
+    assert (sizes[BIAS].size.low > 0.0) == bool(named)
+    assert null.beyond(ALONE, FLOOR_DEG) == named
 
 
 def test_gains_are_shares_of_what_own_bones_leave_beyond_noise():
