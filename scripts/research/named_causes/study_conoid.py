@@ -21,14 +21,13 @@ from adapt import adapt_subjects
 from adapt.evaluation.held_out import AdaptedSubjects
 from models import load_model
 from models.effects.extended_girdle import ExtendedGirdle
+from motions.table import person_of
 from scripts.reporting import markdown, measured
-
-SETS = ("R2", "breteler_dissection", "breteler_mri")
-
-MOVING: tuple[str, ...] = ("sc_translation", "ac_translation")
+from scripts.research.named_causes.study_measured_movement import JOINTS, SETS
+from scripts.research.thesis.scores import rms
 
 ATTACHMENT_SD_MM = 8.0
-"""SD of persons in each coordinate of an attachment, that of own bones."""
+"""SD believed of persons in each coordinate of an attachment: wide, so that what an attachment does is no strain."""
 
 NOISE_MM = 0.3
 """Error of the length: 0.15 degrees and 0.3 mm of bone pins."""
@@ -45,10 +44,10 @@ def main() -> None:
     given = described.parse_args()
     motions, rows = measured(described, given.motions), []
     for name in given.model or SETS:
-        moved = dict.fromkeys(MOVING, "measured")
+        moved = dict.fromkeys(JOINTS["both"], "measured")
         found = adapt_subjects(motions, load_model(name), held_out=motions.subjects, effects=moved).of(name)
         left, courses = strains_mm(found)
-        person = np.array([subject.rsplit("_", 1)[0] for subject in found.rows.subjects])
+        person = np.array([person_of(subject) for subject in found.rows.subjects])
         of_others = [course_of_others(left, courses, person, shoulder) for shoulder in range(len(left))]
         agree = [np.corrcoef(one, two)[0, 1] for one, two in zip(left, of_others, strict=True)]
         after = [rms(one - two) for one, two in zip(left, of_others, strict=True)]
@@ -107,11 +106,6 @@ def course_of_others(
     x, y = np.concatenate([courses[one] for one in others]), np.concatenate([left[one] for one in others])
     certain = (NOISE_MM / COURSE_SD_MM) ** 2 * np.eye(x.shape[1])
     return courses[shoulder] @ np.linalg.solve(x.T @ x + certain, x.T @ y)
-
-
-def rms(values: np.ndarray) -> float:
-    """Compute the root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 if __name__ == "__main__":

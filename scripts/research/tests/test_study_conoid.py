@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scripts.research.named_causes.study_conoid import beside_own_bones, course_of_others, rms
+from scripts.research.named_causes.study_conoid import beside_own_bones, course_of_others
+from scripts.research.thesis.scores import rms
 
 CLAVICLE_MM, SCAPULA_MM = np.array([10.0, -12.0, 3.0]), np.array([-5.0, 2.0, 8.0])
 OFF_MM = np.array([12.0, -8.0, 5.0, -6.0, 9.0, 7.0])
