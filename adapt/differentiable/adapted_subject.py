@@ -127,7 +127,7 @@ def adapt_subject(
     ``start``: theta (mm), or sizes (SDs), as the only start. A start at the result of a compiled adaptation ends in the
     same minimum and saves the search.
 
-    The first call compiles for 20 s, a derivative for as long again. 14 postures then take 0.1 s, 56 some 0.7 s, 280
+    The first call compiles for 15 s, a derivative for 6 s more. 14 postures then take 0.1 s, 56 some 0.7 s, 280
     some 4 s. Errors are as in :func:`fit_posture`.
     """
     s, R = target(girdle, angles, measured, axes=2)
@@ -140,7 +140,11 @@ def adapt_subject(
         check_shape("start", start, (len(ADAPTED),) if own_bones is None else own_bones.columns_mm.shape[1:])
     say_compiling()
     given = girdle, points_mm, bounds_mm, s, R, weight, own_bones, start
-    return _subject(*jax.tree.map(jnp.asarray, given))
+    problem, starts, counts = _problem(*jax.tree.map(jnp.asarray, given))
+    # compiled apart: a derivative would compile the search again, which takes three quarters of the time
+    x, beyond = _search(*jax.lax.stop_gradient((problem, *starts)))
+    found = _at_optimum(problem, beyond, x, counts, jnp.asarray(points_mm))
+    return found._replace(sizes=found.sizes[:0]) if own_bones is None else found
 
 
 def _check_points(points_mm) -> None:
@@ -151,8 +155,9 @@ def _check_points(points_mm) -> None:
 
 
 @jax.jit
-def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None, start) -> AdaptedSubject:
-    counts = jnp.sum(R != 0.0, axis=0)  # measured angles
+def _problem(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None, start):
+    """Build the problem, its starts, and the number of measured angles that each posture counts with."""
+    counts = jnp.sum(R != 0.0, axis=0)
     if prior is None:
         counts, zeros = jnp.minimum(counts, 1), jnp.zeros(len(ADAPTED))
         base, starts, points, pull = girdle.with_adapted(zeros), girdle.adapted_mm + STARTS_MM, points_mm, 0.0
@@ -163,8 +168,12 @@ def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None,
         bounds_mm = ENDLESS * jnp.ones_like(zeros)
     root = jnp.sqrt(weight / jnp.sum(counts))
     problem = Postures(s, R, root * jnp.sqrt(counts), base, columns, bounds_mm, points, root * pull)
-    starts = (starts, starts[0]) if start is None else (starts[:0], start)
-    x, beyond = _search(*jax.lax.stop_gradient((problem, *starts)))
+    return problem, (starts, starts[0]) if start is None else (starts[:0], start), counts
+
+
+@jax.jit
+def _at_optimum(problem: Postures, beyond, x, counts, points_mm) -> AdaptedSubject:
+    """Describe the optimum, with the derivatives in the numbers of the problem."""
     x = following(problem, beyond, x)
     theta, fits, adapted = x[0], problem.fits(x[1]), problem.girdle_at(x[0])
     return AdaptedSubject(
@@ -176,10 +185,11 @@ def _subject(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None,
         postures=fits,
         converged=jnp.all(jnp.isfinite(theta)),
         girdle=adapted,
-        sizes=theta[:0] if prior is None else theta,
+        sizes=theta,
     )
 
 
+@jax.jit
 @jax.custom_batching.sequential_vmap
 def _search(problem: Postures, starts: Array, theta: Array) -> tuple[tuple[Array, Array], Array]:
     """Find the lowest optimum: from the starts with the measured postures, then from the best of these optima with its

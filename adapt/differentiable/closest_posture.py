@@ -106,7 +106,7 @@ def fit_posture(
     padding: J and every derivative are 0. A posture with fewer than three is NaN. ``girdle`` has the same batch axes,
     or none. The result is the lowest J of several starts, or the J reached from ``start`` (rad) alone.
 
-    The first call compiles for some 8 s, a derivative as long again. InputError for an input of another type or shape,
+    The first call compiles for some 5 s, a derivative as long again. InputError for an input of another type or shape,
     or if an angle is above a full turn, which ``jit`` cannot see. Masked angles are not measured.
     """
     s, R = target(girdle, angles, measured)
@@ -119,7 +119,7 @@ def fit_posture(
 @cache
 def say_compiling() -> None:
     """Warn once per process that the first call compiles and seems to do nothing."""
-    logging.getLogger(__package__).warning("the first call compiles for 8 to 20 s; later calls do not")
+    logging.getLogger(__package__).warning("the first call compiles for 5 to 15 s; later calls do not")
 
 
 _IN_RAD = "np.deg2rad(motions.angles_deg).T"
@@ -168,26 +168,48 @@ def check_shape(name: str, value, wanted: tuple[int, ...]) -> None:
         raise InputError(name, None, f"its shape is {np.shape(value)}", f"Give {wanted}")
 
 
-@jax.jit
 def fit_from(girdle: Girdle, s: Array, R: Array, start: Array | None = None) -> PostureFit:
-    """Fit postures along the axes of s after the first."""
-    fit = _fit_one
+    """Fit postures along the axes of s after the first.
+
+    The search is compiled apart: with it, every derivative would compile it again.
+    """
+    return _described(girdle, s, R, _searched(*jax.lax.stop_gradient((girdle, s, R, start))))
+
+
+@jax.jit
+def _searched(girdle: Girdle, s: Array, R: Array, start: Array | None):
+    """Find the optimum of every posture: x, and an empty array for its bounds; NaN where no start leads to one."""
+
+    def search(girdle, s, R, start):
+        one = _alone(girdle, s, R)
+        starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
+        x, beyond, J = jax.lax.map(lambda of: reached(one, (one.columns[0], of[0][:, None]), of[1]), starts)
+        x = jax.tree.map(lambda of: jnp.where(jnp.isfinite(jnp.min(J)), of[jnp.argmin(J)], jnp.nan), x)
+        return x, beyond[0]
+
+    return _along(search, girdle, s)(girdle, s, R, start)
+
+
+@jax.jit
+def _described(girdle: Girdle, s: Array, R: Array, found) -> PostureFit:
+    """Describe the optimum of every posture, which follows girdle, s and R."""
+
+    def describe(girdle, s, R, found):
+        (x, beyond), one = found, _alone(girdle, s, R)
+        _, own = following(one, beyond, x)
+        return jax.tree.map(lambda of: of[..., 0], one.fits(own))
+
+    return _along(describe, girdle, s)(girdle, s, R, found)
+
+
+def _along(fit, girdle: Girdle, s: Array):
+    """Map a function of girdle, s, R and one more over the axes of s after the first."""
     for _ in range(s.ndim - 1):
         fit = jax.vmap(fit, (None if girdle.conoid_length_mm.ndim == 0 else -1, -1, -1, -1), -1)
-    return fit(girdle, s, R, start)
+    return fit
 
 
-def _fit_one(girdle: Girdle, s: Array, R: Array, start: Array | None) -> PostureFit:
-    counts, nothing = 1.0 * jnp.any(R != 0.0, keepdims=True), jnp.zeros((COUNT_OF_NUMBERS, 0))
-    one = Postures(s[:, None], R[:, None], counts, girdle, nothing, nothing[:2], nothing[:3], 0.0)
-    starts = (s + _OFFSETS_DEG / DEG, _SLACKS) if start is None else (start[None], NEAR[None])
-
-    still = jax.lax.stop_gradient(one)  # before the loop, or JAX would trace derivatives through it
-
-    def searched(given):
-        return reached(still, (nothing[0], given[0][:, None]), given[1])
-
-    x, beyond, J = jax.lax.map(searched, jax.lax.stop_gradient(starts))
-    x = jax.tree.map(lambda of: jnp.where(jnp.isfinite(jnp.min(J)), of[jnp.argmin(J)], jnp.nan), x)
-    _, own = following(one, beyond[0], x)
-    return jax.tree.map(lambda of: of[..., 0], one.fits(own))
+def _alone(girdle: Girdle, s: Array, R: Array) -> Postures:
+    """Return the problem of one posture, whose theta is empty."""
+    count, nothing = 1.0 * jnp.any(R != 0.0, keepdims=True), jnp.zeros((COUNT_OF_NUMBERS, 0))
+    return Postures(s[:, None], R[:, None], count, girdle, nothing, nothing[:2], nothing[:3], 0.0)
