@@ -89,7 +89,7 @@ def standing(
     with a high inclusion probability stand too, with two exceptions. Movements do not, because angles show which
     constraint gives way and not what moves; but where both joints were seen to move, the other movements stand, because
     each is of one constraint alone. Causes that are too large do not, except frames, because they take the place of
-    something unexplained. Where angles are contradicted, only known causes stand.
+    something unexplained, and none whose size may be 0. Where angles are contradicted, only known causes stand.
     """
     known = set(map(cause_of, search.known))
     if contradicted:
@@ -98,7 +98,8 @@ def standing(
     sure = {*seen, *known}
     if little:
         sizes = amplitudes(search, named, seen)
-        physical = {cause_of(name) for name, one in sizes.items() if not one.too_large or name in FRAMES}
+        sized = {name: one for name, one in sizes.items() if one.size.low > 0.0}
+        physical = {cause_of(name) for name, one in sized.items() if not one.too_large or name in FRAMES}
         untold = JOINTS if set(JOINTS) <= sure else MOVES
         sure |= {cause for cause in physical.difference(untold) if inclusion[cause] >= REJECTED}
     return tuple(name for name in named if cause_of(name) in sure)
