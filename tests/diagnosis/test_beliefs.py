@@ -15,10 +15,11 @@ from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference import selection
 from adapt.diagnosis.inference.alternatives import JOINTS
+from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import contradiction_deg, standing
 from adapt.diagnosis.inference.weights import weigh
-from adapt.diagnosis.result import NONE, UNKNOWN, CauseAmplitude
+from adapt.diagnosis.result import NONE, UNKNOWN, CauseAmplitude, Interval
 from models import load_model
 from models.effects import EFFECTS
 from motions.table import Motions
@@ -82,11 +83,19 @@ def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch
     common = next(one.discrepancy for one in searched(BIAS).beliefs if one.left == "common")
     nothing = Belief("common", common._replace(common_deg=3.0))
 
+    sizes = amplitudes(searched(BIAS), named, frozenset())
+
+    def sizes_from(low: float) -> None:
+        """Replace the sizes by some whose intervals begin here."""
+        found = {name: replace(one, size=Interval(1.0, low, 2.0)) for name, one in sizes.items()}
+        monkeypatch.setattr(selection, "amplitudes", lambda *_: found)
+
     def after(best_deg: float, seen: frozenset[str] = frozenset(), probable: float = 0.9) -> tuple[str, ...]:
         best = Belief("common", common._replace(common_deg=best_deg))
         search = replace(searched(BIAS), beliefs=(best, nothing), known=(spin,))
         return standing(search, named, seen, dict.fromkeys(named, probable), contradicted=False)
 
+    sizes_from(0.1)
     assert after(0.5) == (spin, BIAS)
     assert after(0.5, probable=0.8) == (spin,)
     assert after(2.9) == (spin,)
@@ -94,6 +103,9 @@ def test_what_was_measured_stands_and_constants_where_little_is_left(monkeypatch
     assert after(0.5, frozenset(JOINTS)) == named, "both joints are seen to move: what else gives way is told"
     assert after(0.5, frozenset(JOINTS[:1])) == (spin, BIAS)
     assert after(2.9, frozenset(JOINTS)) == (spin,)
+    sizes_from(-0.1)
+    assert after(0.5, frozenset(JOINTS)) == (spin,), "a size that may be 0 says nothing"
+    sizes_from(0.1)
     monkeypatch.setattr(CauseAmplitude, "too_large", True)
     assert after(0.5) == (spin, BIAS), "a frame may be turned by any angle"
     monkeypatch.setattr(selection, "FRAMES", ())

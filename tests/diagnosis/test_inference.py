@@ -322,6 +322,18 @@ def test_from_a_wrong_cause_the_best_of_all_sets_is_reached():
     assert search.best.value == pytest.approx(every.best.value, abs=SAME_NATS)
 
 
+def test_what_is_left_without_a_cause_is_fitted_and_not_predicted(monkeypatch):
+    """Check that the search around a set fits every set with a cause less, even if it fits no other set: the linear
+    model predicts what a further cause adds, and not what is left without one."""
+    monkeypatch.setattr("adapt.diagnosis.inference.search._FITTED_AROUND", 0)
+    found = searched(BIAS)
+    search = Search(found.joint, found.folds, beliefs=found.beliefs, discrepancy=found.discrepancy)
+    pair = search.joint.candidates.ordered((BIAS, "thorax_tilt"))
+    search.fit(pair, search.fit((), None))
+    search.around()
+    assert set(search.nodes) == {(), pair, (BIAS,), ("thorax_tilt",)}
+
+
 def test_what_is_known_is_in_every_set_and_never_left_out():
     known = ("thorax_tilt",)
     joint = joint_fit(BIAS)
