@@ -127,11 +127,22 @@ def nothing_named(search: Search) -> Named:
 
 
 def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
-    """Find the most probable set without the causes it does not need, and the alternatives in place of each cause."""
+    """Find the most probable set without the causes it does not need, and the alternatives in place of each cause.
+
+    Where a cause was left out, another may now do better in the place of one that stays.
+    """
     while True:
         best = node = search.best
-        while weak := _weakest(search, node, places := _places(search, node)):
-            node = search.without(node, weak)
+        while True:
+            if weak := _weakest(search, node, places := _places(search, node)):
+                node = search.without(node, weak)
+                continue
+            likeliest = max(
+                (one for place in places.values() for one in place.values()), key=lambda one: one.value, default=node
+            )
+            if likeliest.value <= node.value:
+                break
+            node = likeliest
         if search.best is best:
             causes = search.joint.candidates.causes
             return node, places | {name: {causes[name]: node} for name in search.known}
