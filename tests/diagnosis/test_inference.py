@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.search_folds import folds_of
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
+from adapt.diagnosis.inference import selection
 from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_does_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
@@ -332,6 +334,28 @@ def test_what_is_left_without_a_cause_is_fitted_and_not_predicted(monkeypatch):
     search.fit(pair, search.fit((), None))
     search.around()
     assert set(search.nodes) == {(), pair, (BIAS,), ("thorax_tilt",)}
+
+
+def test_the_likeliest_cause_stands_in_a_place_after_others_were_left_out():
+    """Check four sets by hand: V is 4.2 for the best set (A, C), which does not need C, then 3 for A and 4 for B."""
+    every = {some: SimpleNamespace(hypothesis=some, value=V) for some, V in {"AC": 4.2, "B": 4.0, "A": 3.0}.items()}
+    nothing = SimpleNamespace(hypothesis="", value=0.0)
+    places = {
+        "AC": {"A": {"A": "AC"}, "C": {"C": "AC"}},
+        "A": {"A": {"A": "A", "B": "B"}},
+        "B": {"B": {"A": "A", "B": "B"}},
+    }
+    search = SimpleNamespace(
+        best=every["AC"],
+        known=(),
+        joint=SimpleNamespace(candidates=SimpleNamespace(causes={})),
+        without=lambda node, name: every.get(node.hypothesis.replace(name, ""), nothing),
+        in_place_of=lambda node, name: {one: every[some] for one, some in places[node.hypothesis][name].items()},
+        resampled=lambda node: np.array([node.value]),
+    )
+    chosen, found = selection._chosen(search)  # type: ignore[arg-type]
+    assert chosen is every["B"]
+    assert found == {"B": {"A": every["A"], "B": every["B"]}}
 
 
 def test_what_is_known_is_in_every_set_and_never_left_out():

@@ -1,6 +1,7 @@
 """Selection of the named causes: the causes of the most probable set that it needs, over resampled persons."""
 
 from collections.abc import Collection, Mapping
+from itertools import chain
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -137,10 +138,8 @@ def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
             if weak := _weakest(search, node, places := _places(search, node)):
                 node = search.without(node, weak)
                 continue
-            likeliest = max(
-                (one for place in places.values() for one in place.values()), key=lambda one: one.value, default=node
-            )
-            if likeliest.value <= node.value:
+            likeliest = max([node, *chain(*(one.values() for one in places.values()))], key=lambda one: one.value)
+            if likeliest is node:
                 break
             node = likeliest
         if search.best is best:
