@@ -325,7 +325,7 @@ class OwnBonesNull:
         a computed axial rotation."""
         if is_its_zero(cause_of(name), self.search.known) or self.common(name, named) < SURE:
             return False
-        return amplitudes(self.search, named, self.seen)[name].size.low > 0.0
+        return not amplitudes(self.search, named, self.seen)[name].may_be_0
 
     def common(self, name: str, hypothesis: Hypothesis) -> float:
         """Compute the probability, over resampled persons, that a constant cause of a set is common to all persons."""

@@ -147,6 +147,11 @@ class CauseAmplitude:
         """True where the size is over twice the typical size: then something else acts like this cause."""
         return self.size.value > 2.0 * self.typical
 
+    @property
+    def may_be_0(self) -> bool:
+        """True where the interval of the size holds 0."""
+        return not self.size.low > 0.0  # also where it is NaN
+
 
 @dataclass(frozen=True)
 class Step:

@@ -140,10 +140,10 @@ def adapt_subject(
         check_shape("start", start, (len(ADAPTED),) if own_bones is None else own_bones.columns_mm.shape[1:])
     say_compiling()
     given = girdle, points_mm, bounds_mm, s, R, weight, own_bones, start
-    problem, starts, counts = _problem(*jax.tree.map(jnp.asarray, given))
+    problem, starts = _problem(*jax.tree.map(jnp.asarray, given))
     # compiled apart: a derivative would compile the search again, which takes three quarters of the time
     x, beyond = _search(*jax.lax.stop_gradient((problem, *starts)))
-    found = _at_optimum(problem, beyond, x, counts, jnp.asarray(points_mm))
+    found = _at_optimum(problem, beyond, x, jnp.asarray(points_mm))
     return found._replace(sizes=found.sizes[:0]) if own_bones is None else found
 
 
@@ -156,8 +156,8 @@ def _check_points(points_mm) -> None:
 
 @jax.jit
 def _problem(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None, start):
-    """Build the problem, its starts, and the number of measured angles that each posture counts with."""
-    counts = jnp.sum(R != 0.0, axis=0)
+    """Build the problem and its starts."""
+    counts = jnp.sum(R != 0.0, axis=0)  # measured angles
     if prior is None:
         counts, zeros = jnp.minimum(counts, 1), jnp.zeros(len(ADAPTED))
         base, starts, points, pull = girdle.with_adapted(zeros), girdle.adapted_mm + STARTS_MM, points_mm, 0.0
@@ -168,11 +168,11 @@ def _problem(girdle, points_mm, bounds_mm, s, R, weight, prior: OwnPrior | None,
         bounds_mm = ENDLESS * jnp.ones_like(zeros)
     root = jnp.sqrt(weight / jnp.sum(counts))
     problem = Postures(s, R, root * jnp.sqrt(counts), base, columns, bounds_mm, points, root * pull)
-    return problem, (starts, starts[0]) if start is None else (starts[:0], start), counts
+    return problem, (starts, starts[0]) if start is None else (starts[:0], start)
 
 
 @jax.jit
-def _at_optimum(problem: Postures, beyond, x, counts, points_mm) -> AdaptedSubject:
+def _at_optimum(problem: Postures, beyond, x, points_mm) -> AdaptedSubject:
     """Describe the optimum, with the derivatives in the numbers of the problem."""
     x = following(problem, beyond, x)
     theta, fits, adapted = x[0], problem.fits(x[1]), problem.girdle_at(x[0])
@@ -181,7 +181,7 @@ def _at_optimum(problem: Postures, beyond, x, counts, points_mm) -> AdaptedSubje
         free=beyond[: len(ADAPTED)] == 0.0,  # sizes have no bounds
         E=sum_of_squares(problem, x),
         D_mm2=jnp.mean(distances_mm(adapted, points_mm) ** 2),
-        mean_j_deg2=jnp.sum(fits.j_deg2) / jnp.sum(counts > 0),
+        mean_j_deg2=jnp.sum(fits.j_deg2) / jnp.sum(jnp.any(problem.R != 0.0, axis=0)),
         postures=fits,
         converged=jnp.all(jnp.isfinite(theta)),
         girdle=adapted,

@@ -223,18 +223,13 @@ class Search:
 
     def widened(self, node: Node) -> list[Hope]:
         """Predict V of every set with one more cause, the best first."""
-        found = []
-        for hypothesis in self._with_one_more(node.hypothesis):
+        found, candidates = [], self.joint.candidates
+        causes = {candidates.causes[name] for name in node.hypothesis}
+        for name in (one.name for one in candidates.effects if one.cause not in causes):
+            hypothesis = candidates.ordered((*node.hypothesis, name))
             known = self.nodes.get(hypothesis)
             found.append(Hope(known.value if known else self._predicted(node, hypothesis), hypothesis, node))
         return sorted(found, key=lambda one: -one.value)
-
-    def _with_one_more(self, hypothesis: Hypothesis) -> list[Hypothesis]:
-        """List every set with one more cause."""
-        candidates = self.joint.candidates
-        causes = {candidates.causes[name] for name in hypothesis}
-        more = (one.name for one in candidates.effects if one.cause not in causes)
-        return [candidates.ordered((*hypothesis, name)) for name in more]
 
     def _predicted(self, node: Node, hypothesis: Hypothesis) -> float:
         """Predict V of a set from the mode of another set, and cache it."""

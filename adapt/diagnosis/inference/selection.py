@@ -99,7 +99,7 @@ def standing(
     sure = {*seen, *known}
     if little:
         sizes = amplitudes(search, named, seen)
-        sized = {name: one for name, one in sizes.items() if one.size.low > 0.0}
+        sized = {name: one for name, one in sizes.items() if not one.may_be_0}
         physical = {cause_of(name) for name, one in sized.items() if not one.too_large or name in FRAMES}
         untold = JOINTS if set(JOINTS) <= sure else MOVES
         sure |= {cause for cause in physical.difference(untold) if inclusion[cause] >= REJECTED}
@@ -128,23 +128,22 @@ def nothing_named(search: Search) -> Named:
 
 
 def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
-    """Find the most probable set without the causes it does not need, and the alternatives in place of each cause.
-
-    Where a cause was left out, another may now do better in the place of one that stays.
-    """
+    """Find the most probable set without the causes it does not need, and the alternatives in place of each cause."""
     while True:
         best = node = search.best
-        while True:
-            if weak := _weakest(search, node, places := _places(search, node)):
-                node = search.without(node, weak)
-                continue
-            likeliest = max([node, *chain(*(one.values() for one in places.values()))], key=lambda one: one.value)
-            if likeliest is node:
-                break
-            node = likeliest
+        while (better := _better(search, node, places := _places(search, node))) is not node:
+            node = better
         if search.best is best:
             causes = search.joint.candidates.causes
             return node, places | {name: {causes[name]: node} for name in search.known}
+
+
+def _better(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) -> Node:
+    """Return the set without a cause it does not need. Without such a cause, return the best of the set and its
+    alternatives: where a cause was left out, another may now do better in the place of one that stays."""
+    if weak := _weakest(search, node, places):
+        return search.without(node, weak)
+    return max([node, *chain(*(one.values() for one in places.values()))], key=lambda one: one.value)
 
 
 def _places(search: Search, node: Node) -> dict[str, dict[str, Node]]:
